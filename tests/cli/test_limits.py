@@ -133,6 +133,42 @@ def test_written_limits_pass_the_test(rig: Workspace) -> None:
     assert run("test", str(document))[0] == 0
 
 
+LINKS = HEAD + """\
+components:
+  ground: {link: true, mass: 1 kg, shapes: [{box: 100 20 10 mm}], mounts: {slide: {}}}
+  stop: {link: true, mass: 1 kg, shapes: [{box: 10 10 10 mm, at: {xyz: 50 0 20 mm}}], at: {in: ground.origin}}
+  other: {link: true, mass: 1 kg, shapes: [{box: 10 10 10 mm, at: {xyz: -50 0 20 mm}}]}
+  cart: {link: true, mass: 1 kg, shapes: [{box: 10 10 10 mm, at: {xyz: 0 0 20 mm}}]}
+joints:
+  apart: {type: prismatic, parent: ground.slide, child: other.origin, axis: [0, 0, 1], limit: {lower: 0, upper: 5 mm}}
+  drive: {type: prismatic, parent: ground.slide, child: cart.origin, axis: [1, 0, 0], limit: {lower: -30 mm, upper: 60 mm}}
+modes: {bench: {root: ground}}
+"""
+
+
+def test_pairs_that_are_not_compared_are_listed(rig: Workspace) -> None:
+    """The cart drives through the stop, but the shapes of links that a joint connects are not compared: the interval is not proved."""
+    document = str(rig.write(LINKS))
+    found = json.loads(run("limits", document, "drive", "--format", "json")[1])["joints"][0]
+    assert found["skipped"] == {"shapes of links are approximate": ["ground and cart", "stop and cart"]}
+    assert found["proved"] is False and found["free"] == pytest.approx([-0.03, 0.06])
+    out = run("limits", document, "--pairs")[1]
+    words = ", 2 pairs skipped (shapes of links are approximate: ground and cart, ...)"
+    assert f"to 0.1 mm{words}" in out and "proved" not in out
+    assert "4 pairs skipped" in out.splitlines()[-1]
+
+
+def test_limits_of_nested_documents_are_reported_as_not_written(rig: Workspace) -> None:
+    (rig.folder / "inner.yaml").write_text(VANE.partition("modes:")[0])
+    text = "thingc: assembly/1\nname: outer\ncomponents: {inner: {assembly: inner.yaml}}\nmodes: {bench: {root: inner.ground}}\n"
+    document = rig.folder / "outer.yaml"
+    document.write_text(text)
+    code, out, err = run("limits", str(document), "--write")
+    assert code == 0 and "inner/pin and inner/vane" in out, out + err
+    assert "note: limits of joints of nested documents are not written: `inner.turn`" in err
+    assert document.read_text() == text
+
+
 def test_pairs_of_joints_are_checked(rig: Workspace) -> None:
     code, out, err = run("limits", str(rig.write(SLIDERS)), "--pairs", "--format", "json")
     assert code == 0, out + err

@@ -78,8 +78,12 @@ def test_every_drive_kind_follows_a_motion(tmp_path: Path, shoulder: str, elbow:
 
 
 def test_tracked_csv_can_be_used_as_a_motion(tmp_path: Path) -> None:
-    text = ARM.replace("SHOULDER", STIFF).replace("ELBOW", STIFF)
+    """A joint that mimics another joint has no column."""
+    text = ARM.replace("SHOULDER", STIFF).replace("ELBOW", STIFF).replace(
+        "poses:", "  wheel: {type: continuous, parent: base.origin, child: wheel.origin, mimic: {joint: elbow, multiplier: 2}}\nposes:"
+    ).replace("joints:", "  wheel: {frame: true, mass: 1 g, inertia: {ixx: 1e-5 kg*m^2, iyy: 1e-5 kg*m^2, izz: 1e-5 kg*m^2}}\njoints:")
     assert run(tmp_path, text, "--csv", str(tmp_path / "tracked.csv"))[0] == 0
+    assert (tmp_path / "tracked.csv").read_text().partition("\n")[0] == "time [s],shoulder [deg],elbow [deg]"
     text = text.replace("motions: {", "motions: {again: {file: tracked.csv}, ")
     code, out = run(tmp_path, text, "--csv", str(tmp_path / "next.csv"), "again")  # an argument can follow the options
     assert code == 0 and (tmp_path / "next.csv").exists(), out

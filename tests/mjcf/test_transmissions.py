@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -125,6 +126,26 @@ def test_rotor_inertia_is_added_to_the_mass_matrix(tmp_path: Path) -> None:
         matrices.append(full)
     matrix = np.array([[9.0, 3.0], [5.0, -6.0]])
     assert matrices[0] - matrices[1] == pytest.approx(3e-5 * matrix.T @ matrix, abs=1e-15)
+
+
+@pytest.mark.parametrize(("root", "coupled"), [("base", True), ("upper", False), ("lower", True)])
+def test_rotor_inertia_that_mujoco_omits_is_a_loss(root: str, coupled: bool, tmp_path: Path) -> None:
+    """With `upper` as the root, both joints of the differential begin at the root, and MuJoCo omits the coupling M' I M of the branches."""
+    document = tmp_path / "arm.yaml"
+    compile_arm(tmp_path, WRIST)
+    document.write_text(document.read_text().replace("root: base", f"root: {root}"))
+    model = thingc.compile(document).modes["bench"].model()
+    coupling = []
+    for inertia in (model.tendon_armature.copy(), 0.0):
+        model.tendon_armature[:] = inertia
+        data, full = mujoco.MjData(model), np.zeros((2, 2))
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, full)
+        coupling.append(full[0, 1])
+    assert coupling[0] - coupling[1] == pytest.approx(3e-5 * (9.0 * 3.0 - 5.0 * 6.0) if coupled else 0.0, abs=1e-15)
+    assert main(["build", str(document), "--emit", "mjcf", "-o", str(tmp_path / "out")]) == 0
+    manifest = json.loads((tmp_path / "out/arm/manifest.json").read_text())
+    assert [one["path"] for one in manifest["losses"] if "branches" in one["what"]] == ([] if coupled else ["wrist_0", "wrist_1"])
 
 
 def test_modes_api_includes_rotor_inertia(tmp_path: Path) -> None:

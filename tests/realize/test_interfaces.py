@@ -65,6 +65,7 @@ def test_correct_declaration_is_accepted(place: Place, tilt: bool, mirror: str |
 
 @pytest.mark.parametrize("tilt", [False, True])
 @pytest.mark.parametrize(("parameter", "value", "words"), [
+    ("start", 90, "there is no hole at 0, 10 mm: the closest is at -8.19152, 5.73576 mm"),
     ("circle", 20.003, "on 20.003 mm, but there is no hole at 9.06444, 4.22682 mm: the closest is at 9.06308, 4.22618 mm, on a circle"),
     ("start", 25.1, "the closest is at 9.06308, 4.22618 mm"),  # 10 mm at 25 deg
     ("depth", 5.002, "the hole at 9.06308, 4.22618 mm is 5 mm deep, not 5.002 mm"),

@@ -186,7 +186,7 @@ def test_start_limits_are_reported_once_for_all_modes() -> None:
     assert (code, line) == ("START_LIMITS", 200)
     assert message == "mode `m` starts without a pose, which puts `j0` at 0, outside its limits 10 deg to 90 deg"
     more = [(f"also `{name}`", None, None) for name in ("j1", "j2", "j3")]
-    assert notes(report) == [("`j0` is defined here", FILE, 20), *more, ("the same problem occurs in `n`", None, None)]
+    assert notes(report) == [("`j0` is defined here", FILE, 20), *more, ("the same problem occurs in mode `n`", None, None)]
 
 
 @pytest.mark.parametrize("number", [1, 3, 4])
@@ -214,7 +214,7 @@ def test_parts_below_the_feet_are_reported_once(number: int) -> None:
     assert (code, line) == ("OFF_FEET", 200)
     names = ", ".join(f"`leg{k}/tip`" for k in range(min(number, 3))) + (" and others" if number == 4 else "")
     assert message == f"mode `m` stands on {names}, but `hub` is at least 50 mm lower with all joints at 0"
-    assert notes(report) == [("`hub` is defined here", FILE, 10), ("the same problem occurs in `n`, `o`", None, None)]
+    assert notes(report) == [("`hub` is defined here", FILE, 10), ("the same problem occurs in modes `n`, `o`", None, None)]
 
 
 @pytest.mark.parametrize(("z", "base", "others", "depth"), [

@@ -158,6 +158,8 @@ def test_dimensions_of_products(text: str, dimension: Dimension) -> None:
     ("5 mm + 3", "unexpected `+ 3` after `5 mm`", "quantity", (4, 8)),
     ("5 mm 3", "unexpected `3` after `5 mm`", "quantity", (4, 6)),
     ("5 6 mm", "expected a unit after `5`, found `6 mm`", "quantity", (2, 6)),
+    ("5:1", "expected a unit after `5`, found `:1`", "quantity", (1, 3)),
+    ("5 _mm", "expected a unit after `5`, found `_mm`", "quantity", (2, 5)),
     ("5 m^99", "the power 99 of `m` is out of range (-12 to 12)", "quantity", (3, 6)),
     ("1e999 m", "the number `1e999` is too large", "quantity", (0, 5)),
     ("1_000 mm", "expected a number, found `1_000 mm`", "quantity", None),

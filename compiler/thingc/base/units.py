@@ -372,13 +372,13 @@ def _with_unit(text: str, number: str, at: int, wanted: tuple[Dimension, ...]) -
         at += 1
     if at == len(text):
         return Quantity(to_si(number, (1, 1, NUMBER)))
-    if scan_number(text, at) is not None or text[at] in "+-*/(),":
+    if text[at] == "_" and begin == at:
+        raise UnitError(f"expected a number, found `{shorten(text.strip())}`", help="remove `_` from the number")
+    if scan_number(text, at) is not None or _UNIT_WORD.match(text, at) is None:
         raise UnitError(
             f"expected a unit after `{number}`, found `{shorten(text[at:])}`", offset=at, end=len(text),
             help=f"an expression begins with `=`: `={text.strip()}`" if text[at] in "+-*/()" else None,
         )
-    if text[at] == "_" and begin == at:
-        raise UnitError(f"expected a number, found `{shorten(text.strip())}`", help="remove `_` from the number")
     unit, end = scan_unit(text, at, wanted=wanted)
     if text[end:].strip():
         product = meant_unit(text[at:], wanted)

@@ -8,6 +8,7 @@ import numpy as np
 
 from thingc.base.diagnostics import Code
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.one_line_repr import format_count
 from thingc.base.pose import Pose
 from thingc.documents.checks.no_collision import CollisionCheck
 from thingc.driver.testing.numpy_tree import quasi_random
@@ -68,7 +69,7 @@ class Collisions:
         indices = sorted(self._solids)
         self.pairs: list[tuple[int, int]] = []
         self.close: set[tuple[int, int]] = set()
-        self.skipped: dict[str, dict[str, None]] = {}
+        self.skipped: dict[str, dict[tuple[int, int], None]] = {}
         for pair in ((a, b) for k, a in enumerate(indices) for b in indices[k + 1 :]):
             one, other = (link_of[index] for index in pair)
             if one != other and _sort_pair(one, other) not in near:
@@ -80,7 +81,7 @@ class Collisions:
         self.hulls = [o.path for o in self.assembly.occurrences if o.definition.text in shapes.hulls]
 
     def _skip(self, pair: tuple[int, int], reason: str) -> None:
-        self.skipped.setdefault(reason, {})[names_of(self.assembly, *pair)] = None
+        self.skipped.setdefault(reason, {})[pair] = None
 
     def overlapping(
         self, poses: Sequence[Pose], frame: Keyframe, allowed: Mapping[tuple[int, int], int], seen: set[object] | None,
@@ -186,6 +187,14 @@ class Collisions:
 def names_of(assembly: Assembly, one: int, other: int, quote: str = "") -> str:
     """Return the names of two components, such as `left and right`, each between two quotes `quote`."""
     return f"{quote}{assembly.occurrences[one].path}{quote} and {quote}{assembly.occurrences[other].path}{quote}"
+
+
+def skipped_text(skipped: Mapping[str, Sequence[str]]) -> str:
+    """Describe the pairs of components that were not compared, by reason. The JSON output lists all of these pairs."""
+    return "".join(
+        f", {format_count(len(pairs), 'pair')} skipped ({reason}: {pairs[0]}{', ...' if len(pairs) > 1 else ''})"
+        for reason, pairs in skipped.items()
+    )
 
 
 def collisions_of(request: EmitRequest) -> Collisions:

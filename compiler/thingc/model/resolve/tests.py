@@ -228,28 +228,30 @@ class Reader:
             else [("*", ALL, (key,))] if said == ALL else [(text, ALL, (key, number)) for number, text in enumerate(said)]
         )
         for text, value, at in sorted(given, key=lambda one: one[0] in joints):
-            fitting = [CoordinateName(text)] if text in joints else [name for name in movable if fnmatchcase(name, text)]
+            named = [name for name in joints if text in (name, name.joint)]
+            fitting = named or [name for name in movable if fnmatchcase(name, text)]
             chosen.update((name, (value, at)) for name in fitting)
             if fitting or self.table.unsure_joints():
                 self.sound = self.sound and bool(fitting)
-            elif GLOB.search(text):
-                self.error(Code.NO_MATCH, f"pattern `{text}` matches no joint that can be moved", at, on_key=True,
-                           help=suggest(text, movable, what="joints"))
             else:
-                self.error(Code.UNKNOWN_JOINT, f"there is no joint `{text}`", at, on_key=True, help=suggest(text, movable, what="joints"))
+                glob = GLOB.search(text)
+                message = f"pattern `{text}` matches no joint that can be moved" if glob else f"there is no joint `{text}`"
+                code = Code.NO_MATCH if glob else Code.UNKNOWN_JOINT
+                self.error(code, message, at, on_key=True, help=suggest(text, movable, what="joints"))
         for name, joint in joints.items():
             if name not in chosen:
                 continue
             if joint is None:
                 self.sound = False
-            elif not joint.settable:
-                why = f"is {joint.kind.name} and has no coordinate" if joint.twist is None else "is a ball"
-                if joint.mimic is not None:
-                    why = f"mimics `{joint.mimic.joint}`"
-                self.error(Code.TEST, f"joint `{name}` {why}: it cannot be moved through a range", chosen[name][1], on_key=True,
-                           help=f"move `{joint.mimic.joint}`" if joint.mimic is not None else "remove the joint from `joints`")
-            else:
+            elif joint.settable:
                 yield self._range(name, joint, *chosen[name])
+            elif not (joint.kind.at_once and name.number and name.with_number(0) in chosen):  # report a ball joint or free joint once
+                why = f"is {joint.kind.words}" if joint.mimic is None else f"mimics `{joint.mimic.joint}`"
+                self.error(
+                    Code.TEST, f"joint `{name.joint if joint.kind.at_once else name}` {why}: it cannot be moved through a range",
+                    chosen[name][1], on_key=True,
+                    help="remove the joint from `joints`" if joint.mimic is None else f"move `{joint.mimic.joint}`",
+                )
 
     def _range(self, name: CoordinateName, joint: Joint, said: Any, key: Path) -> JointRange:
         """Return the range of positions through which the test moves a joint.

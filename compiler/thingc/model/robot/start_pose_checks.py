@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from typing import TypeVar
 
 from thingc.base.diagnostics import Code, Note, Report, shown_path
 from thingc.base.memo import Memo
 from thingc.base.numeric import hypot, maximum, minimum, radians, sum_of
 from thingc.base.one_line_repr import format_count
 from thingc.base.pose import Pose, Vector
+from thingc.base.source import Origin
 from thingc.base.units import LENGTH, Quantity
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import Assembly, Link, Occurrence
@@ -29,6 +31,8 @@ DEEP = 0.5e-3
 MOVED = {True: radians(0.5), False: 0.5e-3}
 """Largest change of a given joint value by loop closure for which there is no warning: [rad] for rotations, [m] for translations."""
 
+Problem = TypeVar("Problem")
+
 ROUNDING = 1e-9
 """Tolerance [rad, m] for joint limits at q = 0."""
 
@@ -45,15 +49,36 @@ def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, re
     _check_limits(robots, report)
     _check_poses(robots, report)
     spheres = [_sphere(link, robots[0].assembly) for link in robots[0].assembly.links] if robots else []
-    alike: dict[tuple[int, float], list[Robot]] = {}
+    for (number, depth), group in _group(robots, Code.START_BELOW, report, partial(_below_plane, spheres, mesh_vertices, memo)).items():
+        _warn_below(group, group[0].assembly.occurrences[number], depth, mesh_vertices is None, report)
+
+
+def _group(robots: Sequence[Robot], code: Code, report: Report, find: Callable[[Robot], Problem | None]) -> dict[Problem, list[Robot]]:
+    """Return the problems that `find` finds, each with its modes. Modes that suppress the warning `code` are omitted."""
+    alike: dict[Problem, list[Robot]] = {}
     for robot in robots:
-        if _is_meant_to_stand(robot):
-            deepest = minimum(_lowest(robot, spheres, mesh_vertices, memo), default=None)
-            if deepest is not None and deepest[0] < -DEEP and not report.allows(Code.START_BELOW, robot.mode.origin):
-                alike.setdefault((deepest[1], round(-deepest[0], 6)), []).append(robot)
-    for (number, depth), group in alike.items():
-        others = [robot.mode.name for robot in group[1:]]
-        _warn(group[0], others, group[0].assembly.occurrences[number], depth, mesh_vertices is None, report)
+        found = find(robot) if not report.allows(code, robot.mode.origin) else None
+        if found is not None:
+            alike.setdefault(found, []).append(robot)
+    return alike
+
+
+def _warn(
+    group: Sequence[Robot], code: Code, message: str, path: str, origin: Origin, report: Report, *, help: str, more: Sequence[str] = (),
+) -> None:
+    """Warn of a problem of the first mode, caused by the element `path`. Notes list `more` elements, and the other modes."""
+    mode, others = group[0].mode, ", ".join(f"`{robot.mode.name}`" for robot in group[1:])
+    report.warn(code, f"mode `{mode.name}` {message}", mode.origin, path=mode.name, help=help, allow=True, notes=[
+        *([Note(message=f"`{path}` is defined here", span=origin[0])] if origin else []),
+        *(Note(message=f"also `{one}`") for one in more),
+        *([Note(message=f"the same problem occurs in mode{'s' if len(group) > 2 else ''} {others}")] if others else []),
+    ])
+
+
+def _below_plane(spheres: Sequence[float], mesh_vertices: MeshVertices | None, memo: Memo, robot: Robot) -> tuple[int, float] | None:
+    """Return the lowest part at the start of a mode, and its depth [m] below the plane, or None if it is not below the plane."""
+    deepest = minimum(_lowest(robot, spheres, mesh_vertices, memo), default=None) if _is_meant_to_stand(robot) else None
+    return (deepest[1], round(-deepest[0], 6)) if deepest is not None and deepest[0] < -DEEP else None
 
 
 def _is_meant_to_stand(robot: Robot) -> bool:
@@ -67,8 +92,8 @@ def _is_meant_to_stand(robot: Robot) -> bool:
     return mode.stated and not mode.on_floor and (placed or bool(mode.feet))
 
 
-def _warn(robot: Robot, others: Sequence[str], part: Occurrence, depth: float, bound: bool, report: Report) -> None:
-    mode = robot.mode
+def _warn_below(group: Sequence[Robot], part: Occurrence, depth: float, bound: bool, report: Report) -> None:
+    robot, mode = group[0], group[0].mode
     height = mode.at.translation[2]
     shown = Quantity(float(f"{depth:.3g}"), LENGTH)
     raised = Quantity(float(f"{height + math.ceil(1e4 * depth) / 1e4:.6g}"), LENGTH)
@@ -79,49 +104,33 @@ def _warn(robot: Robot, others: Sequence[str], part: Occurrence, depth: float, b
         help = f"run `{typed}` to put the robot on the floor, or write, for example, `at: {{xyz: 0 0 {raised}}}`"
     if height < 0.0:
         help = f"check the sign of the height in `at`: it is {Quantity(height, LENGTH)}"
-    notes = [Note(message=f"`{part.path}` is defined here", span=part.origin[0])] if part.origin else []
-    if others:
-        modes = "mode" if len(others) == 1 else "modes"
-        notes.append(Note(message=f"the same problem occurs in {modes} " + ", ".join(f"`{name}`" for name in others)))
-    report.warn(
-        Code.START_BELOW,
-        f"mode `{mode.name}` starts with `{part.path}` {'at least ' if bound else ''}{shown} below the plane z = 0 of its scene",
-        mode.origin, path=mode.name, help=help, allow=True, notes=notes,
-    )
+    message = f"starts with `{part.path}` {'at least ' if bound else ''}{shown} below the plane z = 0 of its scene"
+    _warn(group, Code.START_BELOW, message, part.path, part.origin, report, help=help)
 
 
 def _check_feet(robots: Sequence[Robot], report: Report) -> None:
     """Warn of each mode in which some part is certainly lower than all parts of the links with feet."""
-    alike: dict[tuple[int, float], list[Robot]] = {}
-    for robot in robots:
-        lowest = _under_feet(robot) if robot.mode.feet and not report.allows(Code.OFF_FEET, robot.mode.origin) else None
-        if lowest is not None:
-            alike.setdefault(lowest, []).append(robot)
-    for (number, depth), modes in alike.items():
-        mode, part = modes[0].mode, modes[0].assembly.occurrences[number]
-        notes = [Note(message=f"`{part.path}` is defined here", span=part.origin[0])] if part.origin else []
-        others = ", ".join(f"`{robot.mode.name}`" for robot in modes[1:])
+    for (number, depth), group in _group(robots, Code.OFF_FEET, report, _under_feet).items():
+        mode, part = group[0].mode, group[0].assembly.occurrences[number]
         feet = ", ".join(f"`{foot.mount.path}`" for foot in mode.feet[:3]) + (" and others" if len(mode.feet) > 3 else "")
-        report.warn(
-            Code.OFF_FEET,
-            f"mode `{mode.name}` stands on {feet}, but `{part.path}` is at least {Quantity(float(f'{depth:.3g}'), LENGTH)} lower "
-            + (f"in pose `{mode.pose}`" if mode.pose is not None else "with all joints at 0"),
-            mode.origin, path=mode.name, notes=[*notes, *([Note(message=f"the same problem occurs in {others}")] if others else [])],
-            help="start in a pose in which the feet are the lowest parts, or correct the mounts of the legs", allow=True,
+        _warn(
+            group, Code.OFF_FEET, f"stands on {feet}, but `{part.path}` is at least {Quantity(float(f'{depth:.3g}'), LENGTH)} lower "
+            + (f"in pose `{mode.pose}`" if mode.pose is not None else "with all joints at 0"), part.path, part.origin, report,
+            help="start in a pose in which the feet are the lowest parts, or correct the mounts of the legs",
         )
 
 
 def _under_feet(robot: Robot) -> tuple[int, float] | None:
     """Return the lowest part of the links without feet, and the height [m] by which it is at least lower than all parts of links with feet.
 
-    Return None if the height is less than `DEEP` or unknown.
+    Return None if the height is less than `DEEP` or unknown, or if the mode has no feet.
     """
+    if not robot.mode.feet:
+        return None
     assembly = robot.assembly
     standing = {assembly.link_of[foot.mount.occurrence] for foot in robot.mode.feet}
-    frame = robot.start
     feet, lowest, number = math.inf, math.inf, -1
-    placed = body_poses(robot, frame.q if frame is not None else {}, frame.base if frame is not None else None)
-    for body, at in zip(robot.bodies, placed, strict=True):
+    for body, at in zip(robot.bodies, _start_poses(robot), strict=True):
         for part, box, pose in _visible_parts(assembly, assembly.links[body.link], at):
             if body.link in standing:
                 feet = minimum(feet, pose.translation[2] + of_box(box, pose.rotation[2]))
@@ -135,28 +144,22 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
 
     Joints whose positions are determined by loops or holds are not checked.
     """
-    alike: dict[tuple[str, ...], list[Robot]] = {}
-    for robot in robots:
-        mode = robot.mode
-        if mode.stated and mode.pose is None and not robot.closures:
-            free = (joint for body in robot.bodies for joint in body.joints if joint.mimic is None)
-            beyond = tuple(joint.path for joint in free if not _at_rest(joint.limit))
-            if beyond and not report.allows(Code.START_LIMITS, mode.origin):
-                alike.setdefault(beyond, []).append(robot)
-    for paths, modes in alike.items():
-        mode = modes[0].mode
-        first, *more = (joint for body in modes[0].bodies for joint in body.joints if joint.path in paths)
+    for paths, group in _group(robots, Code.START_LIMITS, report, _outside_limits).items():
+        first, *more = (joint for body in group[0].bodies for joint in body.joints if joint.path in paths)
         ends = [first.twist.format(end) for end in (first.limit.lower, first.limit.upper) if end is not None]
-        others = ", ".join(f"`{robot.mode.name}`" for robot in modes[1:])
-        report.warn(
-            Code.START_LIMITS,
-            f"mode `{mode.name}` starts without a pose, which puts `{first.path}` at 0, outside its limits {' to '.join(ends)}",
-            mode.origin, path=mode.name, notes=[
-                *([Note(message=f"`{first.path}` is defined here", span=first.origin[0])] if first.origin else []),
-                *(Note(message=f"also `{joint.path}`") for joint in more[:3]),
-                *([Note(message=f"the same problem occurs in {others}")] if others else []),
-            ], help=f"add a `pose` to the mode, with a value for `{first.path.replace('/', '.')}`", allow=True,
+        _warn(
+            group, Code.START_LIMITS, f"starts without a pose, which puts `{first.path}` at 0, outside its limits {' to '.join(ends)}",
+            first.path, first.origin, report, more=[joint.path for joint in more[:3]],
+            help=f"add a `pose` to the mode, with a value for `{first.path.replace('/', '.')}`",
         )
+
+
+def _outside_limits(robot: Robot) -> tuple[str, ...] | None:
+    """Return the paths of the joints of a mode without a start pose whose limits do not contain 0, or None."""
+    if not robot.mode.stated or robot.mode.pose is not None or robot.closures:
+        return None
+    free = (joint for body in robot.bodies for joint in body.joints if joint.mimic is None)
+    return tuple(joint.path for joint in free if not _at_rest(joint.limit)) or None
 
 
 def _check_poses(robots: Sequence[Robot], report: Report) -> None:
@@ -192,10 +195,8 @@ def _at_rest(limit: Limit) -> bool:
 
 def _lowest(robot: Robot, spheres: Sequence[float], mesh_vertices: MeshVertices | None, memo: Memo) -> Iterator[tuple[float, int]]:
     """Yield the lowest z coordinate [m] and the index of every part that may be below the plane at the start of the mode."""
-    assembly, name = robot.assembly, robot.mode.pose
-    frame = next((frame for frame in robot.keyframes if frame.name == name), None)
-    placed = body_poses(robot, frame.q if frame is not None else {}, frame.base if frame is not None else None)
-    for body, at in zip(robot.bodies, placed, strict=True):
+    assembly = robot.assembly
+    for body, at in zip(robot.bodies, _start_poses(robot), strict=True):
         if at.translation[2] - spheres[body.link] > -DEEP:
             continue
         seen = list(_visible_parts(assembly, assembly.links[body.link], at))
@@ -210,6 +211,11 @@ def _lowest(robot: Robot, spheres: Sequence[float], mesh_vertices: MeshVertices 
             else:
                 points = memo(("hull", part.path), partial(vertices_of, mesh_vertices, hull), hull.sha256)
                 yield pose.translation[2] + of_points(points, pose.rotation[2]), part.index
+
+
+def _start_poses(robot: Robot) -> Sequence[Pose]:
+    """Return the poses of the bodies in the world at the start of the mode."""
+    return body_poses(robot, robot.start.q, robot.start.base) if robot.start is not None else body_poses(robot, {})
 
 
 def _visible_parts(assembly: Assembly, link: Link, at: Pose) -> Iterator[tuple[Occurrence, Box, Pose]]:
@@ -237,10 +243,8 @@ def _certain(box: Box, down: Vector) -> float:
 
 def _sphere(link: Link, assembly: Assembly) -> float:
     """Return the radius [m] of a sphere around the origin of a link that contains all parts of the link."""
-    reach = 0.0
-    for member, pose in zip(link.members, link.poses, strict=True):
-        box = assembly.occurrences[member].box
-        if box is not None:
-            corner = hypot(*(maximum(abs(low), abs(high)) for low, high in zip(*box, strict=True)))
-            reach = maximum(reach, hypot(*pose.translation) + corner)
-    return reach
+    boxes = ((assembly.occurrences[member].box, pose) for member, pose in zip(link.members, link.poses, strict=True))
+    return maximum((
+        hypot(*pose.translation) + hypot(*(maximum(abs(low), abs(high)) for low, high in zip(*box, strict=True)))
+        for box, pose in boxes if box is not None
+    ), default=0.0)

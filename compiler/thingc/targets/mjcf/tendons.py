@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from thingc.base.numeric import maximum, minimum
 from thingc.model.assembly.types import LinkedTendon
-from thingc.model.robot.kinematics import body_poses, course_of
+from thingc.model.robot.kinematics import body_poses, course_of, with_ancestors
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
 from thingc.targets.mjcf import merged_joints
@@ -118,17 +118,28 @@ def controls(robot: Robot, q: Mapping[str, float]) -> Iterator[float]:
     The control value is the tendon length for a position drive, and 0 for any other drive.
     """
     for one in driven_tendons(robot):
-        if one.actuator is None or one.actuator.kind != "position":
-            yield 0.0
-        else:
-            yield course_of(robot, one, body_poses(robot, q)).length if one.steps else one.length(q)
+        position = one.actuator is not None and one.actuator.kind == "position"
+        yield 0.0 if not position else course_of(robot, one, body_poses(robot, q)).length if one.steps else one.length(q)
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield an export loss for each tendon that a mode omits."""
+    """Yield an export loss for each tendon that a mode omits, and for each armature of a tendon that MuJoCo simulates only partly."""
     there = present(robot)
     for one in robot.assembly.tendons:
         if one not in there:
             between = "MuJoCo does not support sites between two joints of a body"
             what = f"this tendon: {between if one.steps else 'a loop is cut at a joint of the tendon'}"
             yield Loss("mjcf", robot.mode.name, one.path, what, "omitted", one.origin)
+        elif one.dynamics.armature and _branches(robot, one):
+            what = "the armature: MuJoCo omits the inertia that couples joints on different branches of the tree"
+            yield Loss("mjcf", robot.mode.name, one.path, what, "approximated", one.origin)
+
+
+def _branches(robot: Robot, tendon: LinkedTendon) -> bool:
+    """Return whether joints on two branches of the tree move a tendon."""
+    bodies, sites = robot.bodies, merged_joints.sites(robot)
+    ends = {number for number, body in enumerate(bodies) for joint in body.joints if tendon.moves.get(joint.path)}
+    chains = [frozenset(with_ancestors(bodies, end)) for end in ends | {sites[mount.path].body for mount in tendon.mounts}]
+    moved = [number for number in frozenset().union(*chains) - chains[0].intersection(*chains) if bodies[number].joints]
+    # MuJoCo writes the child of a free joint as a branch of the world
+    return not max(chains, key=len).issuperset(moved) or (len(moved) > 1 and any(bodies[number].free for number in moved))

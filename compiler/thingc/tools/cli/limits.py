@@ -64,6 +64,8 @@ def run(arguments: argparse.Namespace) -> int:
     from thingc.tools.cli import set as set_command
 
     given = {path: text for one in found for path, text in _values(one).items()}
+    if nested := ", ".join(f"`{one.joint.name}`" for one in found if "." in one.joint.name and any(one.contacts)):
+        console.say(f"note: limits of joints of nested documents are not written: {nested}", stream=sys.stderr)
     return set_command.write(arguments.document, given, console.options_of(arguments), arguments) if given else code
 
 
@@ -104,6 +106,8 @@ def _search(
 
 def as_text(found: Sequence[JointLimits], pairs: Sequence[PairLimits]) -> list[str]:
     """Format the free intervals as a table, and the pairs of joints as another table."""
+    from thingc.driver.testing.collisions import skipped_text
+
     rows = [("joint", "limits", "free of contact", "first contacts", "")]
     for one in found:
         limit, show = one.joint.limit, one.joint.twist.format
@@ -112,11 +116,11 @@ def as_text(found: Sequence[JointLimits], pairs: Sequence[PairLimits]) -> list[s
             one.joint.name, " to ".join("unlimited" if end is None else show(end) for end in (limit.lower, limit.upper)),
             (" to ".join(map(show, one.own)) if one.own is not None else "touches in the pose") + (f" ({more} more)" if more else ""),
             "; ".join(dict.fromkeys(contact for contact in one.contacts if contact is not None)) or "none",
-            f"{'proved' if one.proved else 'sampled'} to {show(one.width)}",
+            f"{'proved ' if one.proved else '' if one.skipped else 'sampled '}to {show(one.width)}{skipped_text(one.skipped)}",
         ))
     others = [(
         " and ".join(one.joints), one.verdict, f"{one.contact} at {one.where}" if one.contact else "",
-        "proved" if one.proved or one.verdict == "touches" else "sampled",
+        "proved" if one.proved or one.verdict == "touches" else skipped_text(one.skipped).removeprefix(", ") or "sampled",
     ) for one in pairs]
     return [*console.table(rows), *(["", *console.table([("joints", "between their limits", "", ""), *others])] if others else [])]
 
@@ -126,6 +130,7 @@ def _as_data(one: JointLimits) -> dict[str, object]:
     return {
         "joint": one.joint.name, "lower": one.joint.limit.lower, "upper": one.joint.limit.upper, "free": one.own,
         "intervals": one.intervals, "contacts": one.contacts, "resolution": one.width, "proved": one.proved,
+        "skipped": one.skipped,
     }
 
 

@@ -76,9 +76,10 @@ def _replay(
         help = "lower `kp` or `kv` of the drives, set `armature`, or use a smaller `timestep`"
         compilation.report.add(Code.CHATTER, message, where, help=help)
         return ()
-    units = [(math.degrees(1.0), "deg") if joint.twist.turns else (1e3, "mm") for joint in replay.joints]
-    header = ",".join(["time [s]", *(f"{joint.name} [{unit}]" for joint, (_, unit) in zip(replay.joints, units, strict=True))])
-    table = np.column_stack([times, tracked * [scale for scale, _ in units]])
+    written = [number for number, joint in enumerate(replay.joints) if joint.mimic is None]  # the other joints follow them
+    units = [(math.degrees(1.0), "deg") if replay.joints[number].twist.turns else (1e3, "mm") for number in written]
+    header = ",".join(["time [s]", *(f"{replay.joints[number].name} [{unit}]" for number, (_, unit) in zip(written, units, strict=True))])
+    table = np.column_stack([times, tracked[:, written] * [scale for scale, _ in units]])
     try:
         np.savetxt(arguments.csv, table, fmt="%.9g", delimiter=",", header=header, comments="")
     except OSError as fault:

@@ -139,6 +139,7 @@ class JointLimits(FrozenStruct):
 
     `contacts` contains, for each end, the pair of parts that touches beyond the end. An end without a contact is the end of the search.
     `proved` is False if some pairs were compared only in samples. The ends are at most `width` from a position in which parts touch.
+    `skipped` contains the pairs that move relative to each other and were not compared, by reason.
     """
 
     joint: JointEdge
@@ -147,6 +148,7 @@ class JointLimits(FrozenStruct):
     contacts: tuple[str | None, str | None]
     proved: bool
     width: float
+    skipped: dict[str, list[str]]
 
 
 class PairLimits(FrozenStruct):
@@ -157,6 +159,7 @@ class PairLimits(FrozenStruct):
     contact: str | None
     where: str
     proved: bool
+    skipped: dict[str, list[str]]
 
 
 def posed_robot(robot: Robot, wanted: str | None) -> tuple[Robot, Keyframe]:
@@ -195,22 +198,32 @@ class LimitSearch:
     def joint(self, joint: JointEdge, width: float) -> JointLimits:
         """Search the free intervals of a joint, with ends that are at most `width` [rad or m] from a contact."""
         q = self._frame.q[joint.path]
-        free = free_intervals(*self._collisions.moving_pairs(self._robot, self._frame, [_range(joint, q)], 0.0), width)
+        sweep, pairs = self._collisions.moving_pairs(self._robot, self._frame, [_range(joint, q)], 0.0)
+        free, skipped = free_intervals(sweep, pairs, width), self._skipped_names(sweep)
         own = free.around(q, width)
         lower, upper = (self._names(free.contact(end, width)) for end in (own or (q, q)))
-        return JointLimits(joint=joint, intervals=free.intervals, own=own, contacts=(lower, upper), proved=free.proved, width=width)
+        return JointLimits(
+            joint=joint, intervals=free.intervals, own=own, contacts=(lower, upper), proved=free.proved and not skipped, width=width,
+            skipped=skipped,
+        )
 
     def pair(self, one: JointEdge, other: JointEdge) -> PairLimits:
         """Compare all pairs of parts in all combinations of the positions of two joints between their limits."""
         ranges = [_range(joint, 0.0, limited=True) for joint in (one, other)]
         sweep, pairs = self._collisions.moving_pairs(self._robot, self._frame, ranges, 0.0)
+        skipped = self._skipped_names(sweep)
         prove(sweep, pairs)
         worst = next((pair for verdict in ("touches", "undecided") for pair in pairs if pair.verdict == verdict), None)
         return PairLimits(
             joints=(one.name, other.name), verdict="clear" if worst is None else worst.verdict, contact=self._names(worst),
             where=self._places(worst.q, (one, other)) if worst is not None else "",
-            proved=all(pair.method == "proved" and pair.verdict != "contact" for pair in pairs),
+            proved=all(pair.method == "proved" and pair.verdict != "contact" for pair in pairs) and not skipped, skipped=skipped,
         )
+
+    def _skipped_names(self, sweep: Sweep) -> dict[str, list[str]]:
+        """Return the names of the pairs that move relative to each other and are not compared, by reason."""
+        moving = {reason: [pair for pair in pairs if sweep.moving(*pair)[0]] for reason, pairs in self._collisions.skipped.items()}
+        return {reason: [names_of(self._robot.assembly, *pair) for pair in pairs] for reason, pairs in moving.items() if pairs}
 
     def _names(self, pair: ComparedPair | None) -> str | None:
         return None if pair is None else names_of(self._robot.assembly, pair.one, pair.other)

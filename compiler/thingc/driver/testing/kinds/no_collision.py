@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from itertools import chain
+from itertools import chain, product
 
 from thingc.base.diagnostics import Code, Note, Report, allow_hint, first_notes
 from thingc.base.one_line_repr import format_count
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.no_collision import KIND, CollisionCheck
 from thingc.driver.testing.certificate import Certificate
-from thingc.driver.testing.collisions import LOOK, Collisions, NearPair, collisions_of, names_of
+from thingc.driver.testing.collisions import LOOK, Collisions, NearPair, collisions_of, names_of, skipped_text
 from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.driver.testing.poses import joints_text, sweep_poses
 from thingc.driver.testing.references import first_overlaps
@@ -53,8 +53,9 @@ def measure(case: TestCase, check: CollisionCheck) -> Outcome:
             worst[pair] = near
     compared = len(collisions.pairs) + len(collisions.close) if only is None else len(only)
     measured: dict[str, Measure] = {"gap": nearest.gap if nearest is not None else None, "positions": len(case.frames), "pairs": compared}
-    if collisions.skipped:
-        measured["skipped"] = {reason: list(pairs) for reason, pairs in collisions.skipped.items()}
+    skipped = {reason: [names_of(collisions.assembly, *pair) for pair in pairs] for reason, pairs in collisions.skipped.items()}
+    if skipped:
+        measured["skipped"] = skipped
     missing = case.missing + (certificate.missing if certificate is not None else 0)
     if missing:
         measured["not_closing"] = missing
@@ -74,7 +75,7 @@ def measure(case: TestCase, check: CollisionCheck) -> Outcome:
         said = _least_gap(collisions.assembly, nearest)
     return Outcome(
         measured=measured, expected={"clearance": check.clearance}, failure=failure, needed=frozenset(needed),
-        said=f"{said}{looked}; {format_count(compared, 'pair')} compared{_skipped_text(collisions)}",
+        said=f"{said}{looked}; {format_count(compared, 'pair')} compared{skipped_text(skipped)}",
     )
 
 
@@ -121,9 +122,8 @@ def _allowed_pairs(linked: LinkedTest, check: CollisionCheck) -> dict[tuple[int,
         ones, others = (
             [index for reference in side for index in linked.components[reference]] for side in (allowance.one, allowance.other)
         )
-        for a in ones:
-            for b in others:
-                allowed.setdefault((min(a, b), max(a, b)), number)
+        for a, b in product(ones, others):
+            allowed.setdefault((min(a, b), max(a, b)), number)
     return allowed
 
 
@@ -150,14 +150,6 @@ def _failure(
     return Failure(
         code=Code.TEST_COLLISION, key="clearance" if first.gap > 0.0 else "", notes=tuple(notes),
         message=f"{_how(assembly, first, check.clearance)}{where}", help=help,
-    )
-
-
-def _skipped_text(collisions: Collisions) -> str:
-    """Describe the pairs of components that were not compared, and the reasons. The JSON output lists all of these pairs."""
-    return "".join(
-        f", {format_count(len(pairs), 'pair')} skipped ({reason}: {next(iter(pairs))}{', ...' if len(pairs) > 1 else ''})"
-        for reason, pairs in collisions.skipped.items()
     )
 
 
