@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -85,6 +87,14 @@ def data_at(model: mujoco.MjModel, q: dict[str, float]) -> mujoco.MjData:
     return data
 
 
+def tendon_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    jacobian = np.zeros((model.ntendon, model.nv))
+    for row in range(model.ntendon):
+        first, count = model.ten_J_rowadr[row], model.ten_J_rownnz[row]
+        jacobian[row, model.ten_J_colind.ravel()[first : first + count]] = data.ten_J.ravel()[first : first + count]
+    return jacobian
+
+
 def turn(axis: str, angle: float) -> Array:
     c, s = np.cos(angle), np.sin(angle)
     x = {"x": [[1, 0, 0], [0, c, -s], [0, s, c]], "y": [[c, 0, s], [0, 1, 0], [-s, 0, c]], "z": [[c, -s, 0], [s, c, 0], [0, 0, 1]]}
@@ -119,10 +129,7 @@ def test_tendon_lengths_and_rates_match_mujoco(reeved: Built, mode: str) -> None
     wrapped = {"belt": 0, "ball": 0, "rope": 0}
     for q in random_positions(200):
         data, poses = data_at(model, q), body_poses(robot, q)
-        jacobian = np.zeros((model.ntendon, model.nv))
-        for row in range(model.ntendon):
-            first, count = model.ten_J_rowadr[row], model.ten_J_rownnz[row]
-            jacobian[row, model.ten_J_colind.ravel()[first : first + count]] = data.ten_J.ravel()[first : first + count]
+        jacobian = tendon_jacobian(model, data)
         for tendon in reeved.compilation.assembly.tendons:  # type: ignore[union-attr]
             index = model.tendon(tendon.path).id
             found = course_of(robot, tendon, poses)
@@ -152,3 +159,47 @@ def test_static_efforts_include_tendons(reeved: Built) -> None:
         load, drives = problem(robot, q, body_poses(robot, q))
         assert [load[path] for path in q] == pytest.approx([-needed[model.joint(path).dofadr[0]] for path in q], rel=1e-7, abs=1e-9)
         assert [one.path for one in drives] == ["rope", "belt", "ball"]
+
+
+INERTIA = "inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}"
+BRANCHES = f"""\
+thingc: assembly/1
+name: branches
+components:
+  base: {{frame: true, mass: 3 kg, {INERTIA}, mounts: {{m: {{xyz: 0 100 0 mm}}, n: {{xyz: 0 -100 0 mm}}, w: {{xyz: 50 0 0 mm}}}}}}
+  a: {{frame: true, mass: 1 kg, com: 100 0 0 mm, {INERTIA}, mounts: {{e: {{xyz: 200 0 30 mm}}}}}}
+  b: {{frame: true, mass: 1 kg, com: 100 0 0 mm, {INERTIA}, mounts: {{e: {{xyz: 180 0 0 mm}}}}}}
+  k: {{frame: true, mass: 1 kg, {INERTIA}}}
+  l: {{frame: true, mass: 1 kg, com: 100 0 0 mm, {INERTIA}}}
+joints:
+  j1: {{type: continuous, parent: base.m, child: a.origin}}
+  j2: {{type: continuous, parent: base.n, child: b.origin}}
+  released: {{type: free, parent: b.e, child: k.origin}}
+  j3: {{type: continuous, parent: k.origin, child: l.origin, axis: [0, 1, 0]}}
+tendons:
+  across: {{path: [a.e, b.e], dynamics: {{armature: 2 kg}}}}
+  along: {{path: [base.w, b.e], dynamics: {{armature: 1 kg}}}}
+  both: {{joints: {{j1: 1, j2: 2}}, dynamics: {{armature: 0.01 kg*m^2}}}}
+  beyond: {{joints: {{j2: 1, j3: 2}}, dynamics: {{armature: 0.01 kg*m^2}}}}
+modes: {{b: {{root: base}}, c: {{root: a, base: free}}, d: {{root: base, base: free}}, e: {{root: k}}}}
+"""
+
+
+def test_armature_that_mujoco_omits_is_an_export_loss(tmp_path: Path) -> None:
+    """The mass matrix of MuJoCo contains J' J times the armature of a tendon, except for tendons across branches of the tree."""
+    built = compiled(tmp_path, BRANCHES)
+    assert built.artifacts is not None, built.said
+    expected = {(loss.mode, loss.path) for loss in built.artifacts.losses if "branches" in loss.what}
+    found = set()
+    for mode in "bcde":
+        model = built.model(mode)
+        masses, armature = [], model.tendon_armature.copy()
+        for chosen in (np.zeros(model.ntendon), *np.diag(armature)):
+            model.tendon_armature[:] = chosen
+            data, mass = data_at(model, {"j1": 0.3, "j2": -0.4, "j3": 0.5}), np.zeros((model.nv, model.nv))
+            mujoco.mj_fullM(model, data, mass)
+            masses.append(mass)
+        for index, (row, mass) in enumerate(zip(tendon_jacobian(model, data), masses[1:], strict=True)):
+            if np.abs(mass - masses[0] - armature[index] * np.outer(row, row)).max() > 1e-12:
+                found.add((mode, model.tendon(index).name))
+    assert len(found) == 8 and found == expected
