@@ -74,6 +74,12 @@ def test_legged_robot_walks(begun: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert ahead > 40 and aside < ahead / 2 and head > 7
 
 
+def test_walk_script_without_a_build_reports_the_command(tmp_path: Path) -> None:
+    (tmp_path / "walk.py").write_text((ROOT / "compiler/thingc/tools/templates/legged/walk.py").read_text())
+    with pytest.raises(SystemExit, match="build the robot first: thingc build my_robot.yaml"):
+        runpy.run_path(str(tmp_path / "walk.py"), run_name="__main__")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("begun", ["legged"], indirect=True)
 def test_added_elements_build(begun: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
