@@ -284,7 +284,7 @@ def test_bought_assembly_is_one_row(tmp_path: Path) -> None:
     ("number,picture\nRG2,none.png\n", ["TC113 catalog.csv:2:5"]),
     ("number,cost\nRG2,1 EUR\nRG2,2 EUR\n", ["TC311 catalog.csv:3:1"]),
     ("number,quantity,supplier\nRG2,,a\nRG2,10,b\n", ["TC311 catalog.csv:3:8"]),
-    ("supplier\na\n", ["TC202 catalog.csv:2:1"]),
+    ("supplier\na\nb\n", ["TC202 catalog.csv:1:1"]),
 ])
 def test_catalog_errors_point_to_the_cell(tmp_path: Path, catalog: str, found: list[str]) -> None:
     """Each fault in a catalog is reported with the line and column of its cell."""

@@ -43,7 +43,9 @@ def read_csv(source: Source, report: Report) -> MappingNode | None:
     twice = [(text, span) for k, (text, span) in enumerate(header) if text in names[:k]]
     for text, span in twice:
         report.add(Code.DUPLICATE_KEY, f"the column `{shorten(text)}` occurs twice", span, help="remove one of the columns")
-    if unknown or twice:
+    if COLUMNS[0] not in names and not unknown:
+        report.add(Code.MISSING_KEY, f"the column `{COLUMNS[0]}` is missing", header[0][1], help="add the column, with part numbers")
+    if unknown or twice or COLUMNS[0] not in names:
         return None
     entries: list[Node] = []
     for row in rows[1:]:

@@ -138,7 +138,7 @@ def _columns(joints: Mapping[CoordinateName, Joint], header: Row) -> dict[str, f
 
 def _factor(unit: str | None, dimension: Dimension, span: Span) -> float:
     try:
-        return 1.0 if unit is None else check_dimension(parse_quantity(f"1 {unit}", (dimension,)), (dimension,), f"1 {unit}").value
+        return 1.0 if unit is None else check_dimension(parse_quantity(f"1 {unit}", (dimension,)), (dimension,), unit).value
     except UnitError as error:
         raise _WrongCell(f"wrong unit of a column: {error.message}", span, error.help) from None
 
