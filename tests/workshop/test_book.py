@@ -14,10 +14,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from thingc.base.diagnostics import Diagnostic
 from thingc.targets.render import picture
 from thingc.targets.render.picture import NoGraphics
+from thingc.driver import pipeline
+from thingc.driver.environment import Environment, Options
 from thingc.tools.cli.main import main
 from thingc.tools.workshop import book
+from thingc.tools.workshop.assembly_steps import sections
 
 PARTS = '''\
 from build123d import *
@@ -293,3 +297,58 @@ def test_without_graphics_the_page_has_no_pictures(tmp_path: Path) -> None:
     assert page.images == {} and page.steps["2.1"] == ["1 × Case (No. 3)"]
     losses = json.loads((tmp_path / "out/robot/manifest.json").read_text())["losses"]
     assert [one["what"] for one in losses if one["target"] == "book"] == ["pictures (no EGL)"]
+
+
+LOOSE = """\
+thingc: assembly/1
+name: robot
+materials: {pla: {density: 1240 kg/m^3}}
+defaults: {component: {material: pla}}
+components:
+  core: {part: pieces:Core}
+  ball: {part: pieces:Ball, at: {in: core.base, xyz: 100 0 0 mm}}
+  weight: {part: pieces:Weight, at: {in: core.base, xyz: 0 100 0 mm}}
+  cube: {part: pieces:Core, at: {in: core.base, xyz: -100 0 0 mm}}
+"""
+
+
+def ordered(folder: Path, text: str) -> tuple[list[list[str]], list[Diagnostic]]:
+    """Return the names of the pieces of each step of the last section, and the errors."""
+    command(folder)
+    (folder / "robot.yaml").write_text(text)
+    with Environment(str(folder / "robot.yaml"), Options(store=str(folder / "store"))) as environment:
+        compilation = pipeline.compile(environment)
+        if compilation.assembly is None or compilation.report.failed:
+            return [], compilation.report.sorted_diagnostics()
+        found = sections(compilation.assembly, environment.store, compilation.report)
+        return [[piece.name for piece in step.pieces] for step in found[-1].steps], compilation.report.sorted_diagnostics()
+
+
+@pytest.fixture(scope="module")
+def pieces(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("pieces")
+
+
+@pytest.mark.parametrize(("order", "steps"), [
+    ("[]", ["core", "ball", "weight", "cube"]),
+    ("[cube, ball, weight]", ["core", "cube", "ball", "weight"]),
+    ("[weight, ball]", ["core", "weight", "ball", "cube"]),
+    ("['c*', ball]", ["core", "cube", "ball", "weight"]),
+])
+def test_document_states_the_order(pieces: Path, order: str, steps: list[str]) -> None:
+    assert ordered(pieces, f"{LOOSE}order: {order}\n") == ([[name] for name in steps], [])
+
+
+@pytest.mark.parametrize(("text", "said", "marked"), [
+    (BOX + "order: [case, lid, core]\n", "`core` cannot be added after `lid`, which is in its way", "core"),
+    (BOX + "order: [weight, lid]\n", "`weight` is listed before `lid`, which carries it", "weight"),
+    (BOX + "order: [lid, core, lid]\n", "`lid` is listed twice", "lid"),
+    (BOX + "order: [lidd]\n", "no component `lidd`", "lidd"),
+    (ROBOT + "order: [left.core]\n", "`left.core` is a component of a nested document", "left.core"),
+])
+def test_impossible_orders_are_errors(pieces: Path, text: str, said: str, marked: str) -> None:
+    _, found = ordered(pieces, text)
+    (error,) = found
+    span = error.span
+    assert said in error.message and error.help and span is not None and span.line == len(text.splitlines())
+    assert text.splitlines()[-1][span.column - 1 :].startswith(marked)

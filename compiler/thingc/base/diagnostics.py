@@ -237,6 +237,7 @@ class Code(Enum):
     STEP_FAILED = ("TC752", "the STEP file could not be written", "Change the part that the message shows, or use `--emit` without `step`.")
     UNSTATED = ("TC753", "target with unlisted files", "Ask the author of the package to add the file to `WRITES`.")
     PRINT_SIZE = ("TC754", "part larger than the print bed", "Set `bed` in `thingc.toml`, or print the part in another direction.")
+    ASSEMBLY_ORDER = ("TC755", "assembly order that is not possible", "Move the component in `order` as the message describes.")
     SAME_FILE = ("TC751", "two definitions with the same file name", "Rename one of the two part files.")
     # --- TC8xx: folders and files (driver, command line) -----------------------------------------------------------
     COMMAND_LINE = ("TC801", "wrong command line", "Run `thingc COMMAND --help` to list the arguments and options.")

@@ -540,6 +540,8 @@ class AssemblySpec(Model):
     """Modes, by name. Each mode is a simulation model; the first mode is the default."""
     detail: DetailSpec | None = Field(default=None, examples=[{"sim": "-fasteners"}])
     """Levels of detail that simulation models omit."""
+    order: list[ComponentField] = Field(default=[], examples=[["plate", "servo", "screw_*"]])
+    """The order in which assembly instructions add these components. Other components are added where they fit."""
     simulation: SimulationSpec | None = Field(default=None, examples=[{"timestep": "2 ms", "integrator": "implicitfast"}])
     raw: dict[str, RawField] = Field(default={}, examples=[{"mjcf": {"joint": {"yaw": {"solreflimit": "0.01 1"}}}}])
     """Attributes that are added to the output files of one target, by path. Only the target checks their values."""

@@ -7,7 +7,7 @@ from itertools import chain
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code
+from thingc.base.diagnostics import Code, make_notes
 from thingc.base.joints.kinds import coordinates_of
 from thingc.base.source import Path
 from thingc.base.suggestions import did_you_mean
@@ -19,6 +19,7 @@ from thingc.model.resolve import choices as chosen
 from thingc.model.resolve import references
 from thingc.model.resolve.bom import catalog
 from thingc.model.resolve.components import components, nodes
+from thingc.model.resolve.contacts import components_fitting
 from thingc.model.resolve.document_scope import DocumentScope, ResolveRun
 from thingc.model.resolve.joints import joints
 from thingc.model.resolve.materials import in_scope, unreadable
@@ -38,7 +39,7 @@ from thingc.model.resolve.set_values import substitute
 from thingc.model.resolve.tendons import tendons
 from thingc.model.resolve.tests import tests
 from thingc.model.resolve.transmissions import names_of, transmissions
-from thingc.model.resolve.types import AssemblyDefinition, Component, LinkName
+from thingc.model.resolve.types import AssemblyDefinition, Component, LinkName, Reference
 
 MAX_DEFINITIONS = 2000
 """Maximum number of times that documents are resolved with different parameters. For example, thirty documents, each of which nests the
@@ -152,7 +153,7 @@ def _definition(
         sensors=tuple(sensors(table, scope, pulled)), names=tuple(names(table, scope)),
         tests=tuple(tests(context, table, scope, own_modes)) if top and spec.tests else (), origin=scope.origin(("name",)),
         materials_known=not table.materials_unreadable, whole=not scope.doubts, loose=tuple(table.loose),
-        catalog=catalog(context, scope, spec),
+        catalog=catalog(context, scope, spec), order=tuple(_order(table, scope)),
     )
 
 
@@ -187,6 +188,21 @@ def _links(table: DocumentScope, scope: Scope) -> Iterator[LinkName]:
         component = references.component(table, scope, text, path)
         if component is not None:
             yield LinkName(name=name, component=component[0], origin=scope.origin(path, key=True))
+
+
+def _order(table: DocumentScope, scope: Scope) -> Iterator[Reference]:
+    """Yield the components of the document that `order` lists. Components of nested documents, and repeated ones, are reported."""
+    met: dict[tuple[str, ...], Reference] = {}
+    for index, text in enumerate(table.spec.order):
+        for one in components_fitting(table, scope, text, ("order", index)):
+            if len(one.path) > 1:
+                message, help = f"`{one.text}` is a component of a nested document", "write `order` in that document"
+                scope.error(Code.ASSEMBLY_ORDER, message, ("order", index), help=help)
+            elif met.setdefault(one.path, one) is not one:
+                notes = make_notes("it is also listed here", met[one.path].origin)
+                scope.error(Code.ASSEMBLY_ORDER, f"`{one.text}` is listed twice", ("order", index), help="remove one", notes=notes)
+            else:
+                yield one
 
 
 def _omitted_details(scope: Scope, detail: DetailSpec, model: AssemblyDefinition) -> dict[str, frozenset[str]]:

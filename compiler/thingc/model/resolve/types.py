@@ -654,7 +654,7 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
     because of another, invalid reference. `step_origin` is the location of the setting `timestep` in the document. A mirror image is a
     separate definition, such as `leg(mirror=y)`. `mirror` is the axis along which it is mirrored, and `plain` is the original definition.
     `catalog` contains the entries of the catalogue of the document, by order number. `omitted` contains the levels of detail that each
-    simulation target omits, and is only used for the top document.
+    simulation target omits, and is only used for the top document. `order` contains components in the order of assembly.
     """
 
     document: str
@@ -687,3 +687,4 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
     plain: AssemblyDefinition | None = None
     catalog: dict[str, BomEntry] = {}
     omitted: dict[str, frozenset[str]] = {}
+    order: tuple[Reference, ...] = ()

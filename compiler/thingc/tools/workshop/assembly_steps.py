@@ -2,7 +2,8 @@
 
 The order is found by taking the finished assembly apart: a piece can be removed if no other piece hangs on it, and if it slides away along
 an axis of its mount without collisions. If there is no such piece, a piece is removed together with all pieces that hang on it: this group
-is assembled first. If this is not possible either, a piece is added together with the pieces in its way.
+is assembled first. If this is not possible either, a piece is added together with the pieces in its way. Pieces that `order` lists are
+removed in the reverse order of the list.
 """
 
 from __future__ import annotations
@@ -10,17 +11,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from itertools import chain
+from math import inf
 
 import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from thingc.base.diagnostics import Code, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.interfaces import Shank
 from thingc.base.numeric import sum_of
 from thingc.base.pose import Pose, Vector, add_scaled, transpose
+from thingc.base.source import Origin
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly, Mate, Occurrence
+from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.solids.shapes import Solid, Solids
 from thingc.targets.bom.emit import is_listed
 
@@ -38,7 +43,8 @@ class Piece:
     """A part of a document, a nested assembly or a group, with its occurrences and the mate that places it in the document.
 
     `definition` is the text of its definition. `chapter` is the key of the section in which it is assembled, or None for a part. `members`
-    contains the pieces of a group, the piece that carries the others first.
+    contains the pieces of a group, the piece that carries the others first. `rank` is the index of the piece in `order` of its document,
+    or -1, and `listed` is its location there.
     """
 
     def __init__(self, name: str, definition: str, chapter: str | None, occurrences: Sequence[Occurrence]) -> None:
@@ -46,6 +52,8 @@ class Piece:
         self.mate: Mate | None = None
         self.parent: Piece | None = None
         self.members: tuple[Piece, ...] = (self,)
+        self.rank = -1
+        self.listed: Origin = ()
 
     @property
     def first(self) -> Occurrence:
@@ -86,9 +94,12 @@ class Section(FrozenStruct, eq=False):
     steps: tuple[AssemblyStep, ...]
 
 
-def sections(assembly: Assembly, store: Store) -> list[Section]:
-    """Return the assemblies to build, nested assemblies first. Equal nested assemblies have one section."""
-    planner = _Planner(assembly, store)
+def sections(assembly: Assembly, store: Store, report: Report) -> list[Section]:
+    """Return the assemblies to build, nested assemblies first. Equal nested assemblies have one section.
+
+    An error is reported for each piece that cannot be added in the order of its document.
+    """
+    planner = _Planner(assembly, store, report)
     titles = {one.text: one.label for one in assembly.hag.definitions}
     found: dict[str, list[Section]] = {}
     counts: dict[str, int] = {}
@@ -110,8 +121,9 @@ def sections(assembly: Assembly, store: Store) -> list[Section]:
 
 
 class _Planner:
-    def __init__(self, assembly: Assembly, store: Store) -> None:
-        self._assembly = assembly
+    def __init__(self, assembly: Assembly, store: Store, report: Report) -> None:
+        self._assembly, self._report = assembly, report
+        self._orders = {one.text: one.order for one in assemblies_of(assembly.definition)}
         self._solids = Solids(store)
         self._places: dict[Piece, list[tuple[Solid, Pose]]] = {}
         self._mates = {mate.child: mate for mate in assembly.mates if mate.loop is None}
@@ -141,6 +153,9 @@ class _Planner:
             own = first.definition.text if first.definition.kind in ("part", "file") else first.path
             definition = self.definition(prefix + name) if nested else own
             found.append(Piece(name, definition, definition if nested and first.unit is None else None, occurrences))
+        ranks = {one.text: (rank, one.origin) for rank, one in enumerate(self._orders.get(self.definition(path), ()))}
+        for piece in found:
+            piece.rank, piece.listed = ranks.get(piece.name, (-1, ()))
         owner = {one.index: piece for piece in found for one in piece.occurrences}
         for piece in found:
             for one in piece.occurrences:
@@ -154,7 +169,10 @@ class _Planner:
 
         Pieces without a solid, such as circuit boards with only a mass, are added as soon as their parents are there.
         """
-        loose = [piece for piece in pieces if not self._solids_of(piece) and not any(other.parent is piece for other in pieces)]
+        loose = [
+            piece for piece in pieces
+            if piece.rank < 0 and not self._solids_of(piece) and not any(other.parent is piece for other in pieces)
+        ]
         steps: list[AssemblyStep] = []
         for step in reversed(self._taken_apart([piece for piece in pieces if piece not in loose], chapter)):
             (piece,) = step.pieces
@@ -177,15 +195,33 @@ class _Planner:
         present = self._order_pieces(pieces)
         removed: list[AssemblyStep] = []
         while present:
-            leaves = [piece for piece in reversed(present) if not any(other.parent is piece for other in present)]
-            removable = chain(leaves, self._branches(present, chapter))
+            leaves = self._leaves(present)
+            removable = (piece for piece in chain(leaves, self._branches(present, chapter)) if _is_last(piece, present))
             ways = (AssemblyStep(pieces=(piece,), directions=(way,)) for piece in removable for way in self._ways(piece, present))
             step = next(ways, None)
             if step is None:
                 step = AssemblyStep(pieces=(leaves[0],), directions=(None,), blocked=self._in_the_way(leaves[0], present))
+                listed = next((other for other in present if other.rank >= 0 and other.name in step.blocked), None)
+                if leaves[0].rank >= 0 and listed is not None:
+                    message = f"`{leaves[0].name}` cannot be added after `{listed.name}`, which is in its way"
+                    help = f"list `{leaves[0].name}` before `{listed.name}`, or remove it from the list"
+                    self._report.add(Code.ASSEMBLY_ORDER, message, leaves[0].listed, help=help)
             removed.append(step)
             present = [other for other in present if other not in step.pieces[0].members]
         return removed
+
+    def _leaves(self, present: Sequence[Piece]) -> list[Piece]:
+        """Return the pieces without other pieces attached to them that can be removed next according to `order`, the last one first.
+
+        If there are none, report the contradiction in `order`, and return all pieces without other pieces attached to them.
+        """
+        leaves = [piece for piece in reversed(present) if not any(other.parent is piece for other in present)]
+        last = [piece for piece in leaves if _is_last(piece, present)]
+        if not last:
+            leaf, carrier = next((leaf, one) for leaf in leaves for one in _carriers(leaf) if one.rank > leaf.rank)
+            message, help = f"`{leaf.name}` is listed before `{carrier.name}`, which carries it", f"list `{carrier.name}` first"
+            self._report.add(Code.ASSEMBLY_ORDER, message, leaf.listed, help=help)
+        return last or leaves
 
     def _branches(self, present: Sequence[Piece], chapter: str) -> Iterator[Piece]:
         """Yield groups of a piece and all pieces that hang on it, the smallest first."""
@@ -279,6 +315,18 @@ class _Planner:
                 if _overlap(own.box(moved), theirs.box(at)):
                     total += own.at(moved).overlap(theirs.at(at))[0]
         return total
+
+
+def _is_last(piece: Piece, present: Sequence[Piece]) -> bool:
+    """Return whether `order` lists no other piece after a piece or a member of a group."""
+    lowest = min((one.rank for one in piece.members if one.rank >= 0), default=inf)
+    return not any(other.rank > lowest and other not in piece.members for other in present)
+
+
+def _carriers(piece: Piece) -> Iterator[Piece]:
+    while piece.parent is not None:
+        piece = piece.parent
+        yield piece
 
 
 def _overlap(one: Array, other: Array) -> bool:

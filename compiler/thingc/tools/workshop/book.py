@@ -34,7 +34,7 @@ def emit(request: EmitRequest) -> Artifacts:
         losses.append(Loss("book", None, assembly.name, f"pictures ({fault})", "omitted", assembly.definition.origin))
     book = _Book(assembly, pictures, request.workspace)
     lines = [*book.head()]
-    for section in sections(assembly, request.store):
+    for section in sections(assembly, request.store, request.report):
         lines += book.section(section)
     return Artifacts(files={f"book/{assembly.name}.html": "\n".join([*lines, "</body></html>", ""]).encode()}, losses=tuple(losses))
 
