@@ -15,10 +15,10 @@ import pytest
 from PIL import Image
 
 from thingc.base.diagnostics import Diagnostic
-from thingc.targets.render import picture
-from thingc.targets.render.picture import NoGraphics
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
+from thingc.targets.render import picture
+from thingc.targets.render.picture import NoGraphics
 from thingc.tools.cli.main import main
 from thingc.tools.workshop import book
 from thingc.tools.workshop.assembly_steps import sections
