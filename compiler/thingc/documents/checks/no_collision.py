@@ -60,7 +60,7 @@ class NoCollisionTest(Model):
     """
     samples: CountField | None = None
     """Number of joint positions that are checked in the ranges of `joints`; default: 200."""
-    certify: bool | Literal["references"] = False
+    certify: bool | Literal["references"] = Field(default=False, examples=[True, "references"])
     """Whether to prove the result for all positions of the ranges, as far as possible; default: `false`. With `references`, only parts at
     joints are compared, each with the part that its mount was designed for.
     """
