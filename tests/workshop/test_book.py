@@ -312,11 +312,11 @@ components:
 """
 
 
-def ordered(folder: Path, text: str) -> tuple[list[list[str]], list[Diagnostic]]:
+def ordered(folder: Path, store: str, text: str) -> tuple[list[list[str]], list[Diagnostic]]:
     """Return the names of the pieces of each step of the last section, and the errors."""
     command(folder)
     (folder / "robot.yaml").write_text(text)
-    with Environment(str(folder / "robot.yaml"), Options(store=str(folder / "store"))) as environment:
+    with Environment(str(folder / "robot.yaml"), Options(store=store)) as environment:
         compilation = pipeline.compile(environment)
         if compilation.assembly is None or compilation.report.failed:
             return [], compilation.report.sorted_diagnostics()
@@ -335,8 +335,8 @@ def pieces(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ("[weight, ball]", ["core", "weight", "ball", "cube"]),
     ("['c*', ball]", ["core", "cube", "ball", "weight"]),
 ])
-def test_document_states_the_order(pieces: Path, order: str, steps: list[str]) -> None:
-    assert ordered(pieces, f"{LOOSE}order: {order}\n") == ([[name] for name in steps], [])
+def test_document_states_the_order(pieces: Path, shared_store: str, order: str, steps: list[str]) -> None:
+    assert ordered(pieces, shared_store, f"{LOOSE}order: {order}\n") == ([[name] for name in steps], [])
 
 
 @pytest.mark.parametrize(("text", "said", "marked"), [
@@ -346,8 +346,8 @@ def test_document_states_the_order(pieces: Path, order: str, steps: list[str]) -
     (BOX + "order: [lidd]\n", "no component `lidd`", "lidd"),
     (ROBOT + "order: [left.core]\n", "`left.core` is a component of a nested document", "left.core"),
 ])
-def test_impossible_orders_are_errors(pieces: Path, text: str, said: str, marked: str) -> None:
-    _, found = ordered(pieces, text)
+def test_impossible_orders_are_errors(pieces: Path, shared_store: str, text: str, said: str, marked: str) -> None:
+    _, found = ordered(pieces, shared_store, text)
     (error,) = found
     span = error.span
     assert said in error.message and error.help and span is not None and span.line == len(text.splitlines())

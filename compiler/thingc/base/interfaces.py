@@ -245,7 +245,7 @@ def nominal(thread: str) -> float | None:
 
 def mm(value: float) -> str:
     """Format a length [m] in millimetres."""
-    return f"{round(1e3 * value, 6) + 0.0:.6g} mm"  # without rounding errors and `-0`
+    return f"{round(1e3 * value, 9) + 0.0:.6g} mm"  # without rounding errors and `-0`
 
 
 def format_interface(interface: str | None, features: Sequence[MatingFeature]) -> str:
