@@ -33,7 +33,7 @@ from thingc.driver.environment import Environment, Options, store_of, with_envir
 from thingc.driver.output import build_folder, manifest_paths, unswept, verify
 from thingc.geometry.store.local import Store
 from thingc.targets.artifact import CARRIED
-from thingc.targets.registry import TARGETS, parse_targets, unknown
+from thingc.targets.registry import TARGETS, parse_targets, targets, unknown
 from thingc.tools.cli import console
 from thingc.tools.workshop import RENDERED
 
@@ -163,15 +163,16 @@ def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
 def in_words() -> str:
     """Return the list of all targets, with descriptions, for the output of `--help`."""
     unasked, asked = ([f"{name} ({one.says})" for name, one in TARGETS.items() if one.unasked == kind] for kind in (True, False))
-    return f"Targets: {', '.join(unasked)}; and, only with --emit, {', '.join(asked)}."
+    more = [name for name in targets() if name not in TARGETS]
+    return f"Targets: {', '.join(unasked)}; and, only with --emit, {', '.join(asked)}, {', '.join(more)}."
 
 
 def add_emit(parser: argparse.ArgumentParser) -> None:
     """Add the option `--emit`, which selects the targets to build, to a parser."""
-    asked = [name for name, target in TARGETS.items() if not target.unasked]
+    unasked = [name for name, target in TARGETS.items() if target.unasked]
     parser.add_argument(
         "--emit", metavar="T", action="append", default=[],
-        help=f"write only this target, or `all` (may be repeated; default: targets of the workspace, else all but {', '.join(asked)})",
+        help=f"write only this target, or `all` (may be repeated; default: targets of the workspace, else {', '.join(unasked)})",
     )
 
 
