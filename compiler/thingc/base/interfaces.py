@@ -243,9 +243,9 @@ def nominal(thread: str) -> float | None:
     return None if metric is None else float(metric[1]) / 1e3
 
 
-def mm(value: float) -> str:
-    """Format a length [m] in millimetres."""
-    return f"{round(1e3 * value, 9) + 0.0:.6g} mm"  # without rounding errors and `-0`
+def mm(*values: float) -> str:
+    """Format lengths [m] in millimetres, such as `3 mm` or `10, 3 mm`."""
+    return ", ".join(f"{round(1e3 * value, 9) + 0.0:.6g}" for value in values) + " mm"  # without rounding errors and `-0`
 
 
 def format_interface(interface: str | None, features: Sequence[MatingFeature]) -> str:

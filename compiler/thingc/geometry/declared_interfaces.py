@@ -75,14 +75,14 @@ def _hole(x: float, y: float, sizes: tuple[float, float], depth: float | None, h
 
     The hole may begin below a chamfer, and consist of several cylinders with chamfers between them.
     """
-    place, open_holes = f"{mm(x).removesuffix(' mm')}, {mm(y)}", [one for one in holes if one.low < -SAME and one.high >= -one.diameter]
+    place, open_holes = mm(x, y), [one for one in holes if one.low < -SAME and one.high >= -one.diameter]
     there = [one for one in open_holes if one.away(x, y) <= SAME]
     if not there:
         close = min(open_holes, key=lambda one: one.away(x, y), default=None)
         if close is None:
             return f"there is no hole at {place}"
         circle = mm(2.0 * close.away(0.0, 0.0))
-        return f"there is no hole at {place}: the closest is at {mm(close.x).removesuffix(' mm')}, {mm(close.y)}, on a circle of {circle}"
+        return f"there is no hole at {place}: the closest is at {mm(close.x, close.y)}, on a circle of {circle}"
     if not any(sizes[0] <= one.diameter <= sizes[1] for one in there):
         return f"the hole at {place} has a diameter of {mm(there[0].diameter)}"
     reach = 0.0

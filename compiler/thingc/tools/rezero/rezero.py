@@ -62,10 +62,7 @@ def rezero(
             if user.kind != "calibration":
                 old[user.path] = _sound(user.path, options)
             elif user.path not in [one.document.path for one in calibrated]:
-                message = f"`{user.relative}` also contains these joints, and was not changed"
-                help = f"if it is a calibration of this robot, use `--calibration {shown_path(user.path)}`"
-                span = user.span(("joints",), key=True)
-                unchanged.append(Diagnostic(code=Code.COMMAND_LINE, severity=Severity.WARNING, message=message, help=help, span=span))
+                unchanged.append(_warn_unchanged(user))
         originals = documents = {path: one.documents.root for path, one in old.items() if one.documents is not None}
         for shift in shifts:
             moved = {path: _moved_joints(documents[root.path], compilation, shift) for path, compilation in old.items()}
@@ -93,6 +90,13 @@ def rezero(
     changed = {path: (originals[path], one.text) for path, one in documents.items() if edits[path]}
     result = write_texts(root, changed, tuple(done), options, strict=strict, dry=dry)
     return replace(result, found=(*result.found, *unchanged))
+
+
+def _warn_unchanged(calibration: Document) -> Diagnostic:
+    message = f"`{calibration.relative}` also contains these joints, and was not changed"
+    help = f"if it is a calibration of this robot, use `--calibration {shown_path(calibration.path)}`"
+    span = calibration.span(("joints",), key=True)
+    return Diagnostic(code=Code.COMMAND_LINE, severity=Severity.WARNING, message=message, help=help, span=span)
 
 
 def _result_rows(root: Document, document: Document, edits: Mapping[Keys, str]) -> Iterator[tuple[str, str | None, str]]:
