@@ -119,14 +119,14 @@ def run(
     try:
         with lock_folder(folder):
             count = plan.count if limit is None else min(limit, plan.count)
-            asked = RunOptions(options=options, jobs=jobs or os.cpu_count() or 1, timeout=timeout, verify=verify, count=count)
-            batch = _Batch(plan, folder, asked, transfer, on_progress)
+            run_options = RunOptions(options=options, jobs=jobs or os.cpu_count() or 1, timeout=timeout, verify=verify, count=count)
+            batch = _Batch(plan, folder, run_options, transfer, on_progress)
             batch.prepare(resume=resume, retry=retry)
             with clear_in_background(folder):
                 with batch.journal() as journal:
                     summary = batch.run(executor, journal)
-                shown = batch.show(pictures, on_picture)
-            return summary if shown is None else replace(summary, notes=(*summary.notes, shown))
+                warning = batch.show(pictures, on_picture)
+            return summary if warning is None else replace(summary, notes=(*summary.notes, warning))
     except OSError as fault:
         raise in_words(folder, fault) from fault
 
@@ -144,36 +144,37 @@ class _Stopped(Exception):
 
 
 class _Batch:
-    """A single run of a batch, which submits variants and records their results.
+    """A single run of a batch, which submits variants and records their results in the thread that calls `run`.
 
-    The batch uses one thread in addition to the threads of the executor.
+    `done` has a flag for each variant that needs no further attempt. `earlier` and `counts` count the variants by status, in earlier runs
+    and in this run. `spent` [s] and `measured` are the total build time and the number of built variants.
     """
 
     def __init__(
-        self, plan: Plan, folder: str, asked: RunOptions, transfer: WorkspaceArchive | None, on_progress: OnProgress | None,
+        self, plan: Plan, folder: str, run_options: RunOptions, transfer: WorkspaceArchive | None, on_progress: OnProgress | None,
     ) -> None:
         self.plan = plan
         self.folder = folder
-        self.asked = asked
-        self.count = asked.count
+        self.run_options = run_options
+        self.count = run_options.count
         self.on_progress = on_progress
         self.transfer = transfer
-        self.done = bytearray(asked.count)
+        self.done = bytearray(run_options.count)
         self.earlier: Counter[str] = Counter()
         self.counts: Counter[str] = Counter()
         self.modelled: set[str] = set()
         self.stopping = False
         self.started = time.monotonic()
-        self.told = 0.0
-        self.first: tuple[float, int] | None = None
+        self.last_report = 0.0
+        self.first_result: tuple[float, int] | None = None
         self.spent = 0.0
         self.measured = 0
         self.events: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
-        self.under_way: dict[int, Variant] = {}
+        self.submitted: dict[int, Variant] = {}
         self.chunks: dict[Future[Any], _Chunk] = {}
         self.parameters = parameter_columns(plan)
         self.layout = plan.layout or (PACKED if plan.count > MANY else FOLDERS)
-        self.before: dict[str, Any] = {}
+        self.previous: dict[str, Any] = {}
 
     # --- the folder -----------------------------------------------------------------------------------------------
 
@@ -182,22 +183,22 @@ class _Batch:
         if not resume:
             begin(self.folder, self.plan.relative, self.plan.assembly_relative)
         else:
-            self.before = read_description(self.plan.relative, self.folder, ANEW)
+            self.previous = read_description(self.plan.relative, self.folder, ANEW)
             if self.plan.layout is None:
-                self.layout = self.before["layout"]
-            words = differences(self.before, self._description(finished=False))
-            if words:
+                self.layout = self.previous["layout"]
+            changes = differences(self.previous, self._description(finished=False))
+            if changes:
                 raise BatchFault(
-                    Code.BATCH_CHANGED, f"the batch in `{shown_path(self.folder)}` was started with different input: {'; '.join(words)}",
+                    Code.BATCH_CHANGED, f"the batch in `{shown_path(self.folder)}` was started with different input: {'; '.join(changes)}",
                     "undo the change, delete the folder to start again, or use another folder with -o",
                 )
             folder_layout.sweep(self.folder)
-            self._remember(retry=retry)
+            self._read_earlier_results(retry=retry)
         write_batch(self.folder, self._description(finished=False))
         lay_out(self.folder, self.layout)
 
-    def _description(self, *, finished: bool, wanted: Sequence[Column] = ()) -> dict[str, Any]:
-        return describe(self.plan, layout=self.layout, asked=self.count, finished=finished, wanted=wanted)
+    def _description(self, *, finished: bool, table_columns: Sequence[Column] = ()) -> dict[str, Any]:
+        return describe(self.plan, layout=self.layout, asked=self.count, finished=finished, wanted=table_columns)
 
     def journal(self) -> Journal | PackedWriter:
         """Open the journal of the batch, in which a line is recorded for each finished variant."""
@@ -205,16 +206,16 @@ class _Batch:
             return PackedWriter(self.folder, self.done)
         return Journal(os.path.join(self.folder, folder_layout.JOURNAL))
 
-    def _remember(self, *, retry: bool) -> None:
+    def _read_earlier_results(self, *, retry: bool) -> None:
         """Read the results of an earlier run of this batch, so that finished variants are not built again.
 
         If the files of a built variant are missing, the variant is built again. With `retry`, a failed variant is also built again, unless
         its documents caused the failure.
         """
-        for index, status, there in outcomes(self.folder, chance=_by_chance if retry else None):
+        for index, status, is_final in outcomes(self.folder, chance=_can_succeed_later if retry else None):
             if index < self.count:
-                self.done[index] = there
-                self.earlier.update([status] if there else [])
+                self.done[index] = is_final
+                self.earlier.update([status] if is_final else [])
 
     # --- the run --------------------------------------------------------------------------------------------------
 
@@ -223,56 +224,57 @@ class _Batch:
 
         Raises `BatchFault` if the batch cannot continue, and `Interrupted` after a signal.
         """
-        own = LocalExecutor(min(self.asked.jobs, max(1, self.count))) if executor is None else None
-        engine: Executor = own if own is not None else executor  # type: ignore[assignment]
+        local_executor = LocalExecutor(min(self.run_options.jobs, max(1, self.count))) if executor is None else None
+        engine: Executor = local_executor if local_executor is not None else executor  # type: ignore[assignment]
         cluster = executor if isinstance(executor, Cluster) else None
         if cluster is not None:
             cluster.check(digest_files(self.plan, self.folder) if self.transfer is None else {})
         job = job_of(
-            self.plan, self.folder, self.asked.options, layout=self.layout, verify=self.asked.verify, elsewhere=cluster is not None,
+            self.plan, self.folder, self.run_options.options, layout=self.layout, verify=self.run_options.verify,
+            elsewhere=cluster is not None,
         ).encode()
-        whole = False
+        completed = False
         with self._signals(), self._shipping(cluster) as shipping:
             engine = shipping or engine
             try:
-                self._loop(engine, job, journal, streaming=own is not None)
-                whole = True
+                self._loop(engine, job, journal, streaming=local_executor is not None)
+                completed = True
             except _Stopped:
                 pass  # the signal is raised below, after the runners have ended: until then, runners finish variants
             finally:
-                if own is not None:
-                    own.shutdown(wait=True, cancel_futures=not whole)
+                if local_executor is not None:
+                    local_executor.shutdown(wait=True, cancel_futures=not completed)
                 else:
                     for future in list(self.chunks):
                         future.cancel()
                     RUNNERS.close()  # an executor with threads has used the runners of this process
-                if not whole:
+                if not completed:
                     self._drain(journal)
                     with contextlib.suppress(OSError):  # a full disk was already reported
                         write_page(self.folder, self._description(finished=False), self._columns())
-            if not whole:
+            if not completed:
                 raise Interrupted(self.folder, self._total(), self.count)
-            if own is None:
+            if local_executor is None:
                 folder_layout.sweep(self.folder)  # temporary files of workers that died
             journal.sync()
-            write_batch(self.folder, self._description(finished=True, wanted=self._tables()))
+            write_batch(self.folder, self._description(finished=True, table_columns=self._tables()))
         statuses = self.earlier + self.counts
         lossy, total = losses(self.folder)
         return Summary(
             folder=self.folder, name=self.plan.name, count=self.count, statuses=dict(sorted(statuses.items())),
             before=sum(self.earlier.values()), modelled=len(self.modelled), duplicates=self.plan.written - self.plan.count,
             seconds=time.monotonic() - self.started, lossy=lossy,
-            losses={how: total[how] for how in HOW if total[how]}, notes=self.plan.notes, layout=self.layout,
+            losses={kind: total[kind] for kind in HOW if total[kind]}, notes=self.plan.notes, layout=self.layout,
         )
 
     def _tables(self) -> tuple[Column, ...]:
         """Write the tables of results, unless they are up to date. Return the columns of the tables."""
         names = folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET
-        if not self.counts and self.before.get("finished") and are_unchanged(self.folder, *names):
-            return tuple(Column(name=one["name"], kind=one["kind"], unit=one["unit"]) for one in self.before["columns"])
-        wanted = write_tables(self.folder, self.parameters, self.plan.choice_paths)
+        if not self.counts and self.previous.get("finished") and are_unchanged(self.folder, *names):
+            return tuple(Column(name=column["name"], kind=column["kind"], unit=column["unit"]) for column in self.previous["columns"])
+        written_columns = write_tables(self.folder, self.parameters, self.plan.choice_paths)
         remember(self.folder, *names)
-        return wanted
+        return written_columns
 
     def _shipping(self, cluster: Cluster | None) -> contextlib.AbstractContextManager[RemoteExecutor | None]:
         """Return an executor that copies the workspace to a cluster, and copies built variants back.
@@ -281,7 +283,7 @@ class _Batch:
         """
         if self.transfer is None or not isinstance(cluster, DaskCluster):
             return contextlib.nullcontext()
-        return RemoteExecutor(cluster, self.transfer, self.folder, store_of(self.asked.options))
+        return RemoteExecutor(cluster, self.transfer, self.folder, store_of(self.run_options.options))
 
     def show(self, pictures: int | None, on_picture: OnPicture | None) -> Diagnostic | None:
         """Render pictures of variants, and write the HTML page of the finished batch.
@@ -302,22 +304,22 @@ class _Batch:
         refreshed, pause = time.monotonic(), REFRESH
         while True:
             while not exhausted and len(self.chunks) < self._queue_size(engine):
-                variants = list(islice(waiting, self._size(engine)))
+                variants = list(islice(waiting, self._chunk_size(engine)))
                 exhausted = not variants
                 if variants:
                     self._submit(engine, job, _Chunk(variants), streaming)
-            self._tell()
+            self._report_progress()
             if exhausted and not self.chunks:
                 break
             with contextlib.suppress(queue.Empty):
                 self._handle(*self.events.get(timeout=1.0), engine, job, journal, streaming)
-            _answers(engine)
+            _check_cluster(engine)
             now = time.monotonic()
             if now - refreshed > pause:
                 write_tables(self.folder, self.parameters, self.plan.choice_paths)
                 refreshed = time.monotonic()
                 pause = max(REFRESH, 20.0 * (refreshed - now))
-        self._tell(last=True)
+        self._report_progress(last=True)
 
     def _remaining(self, journal: Journal | PackedWriter) -> Iterator[Variant]:
         """Yield the variants that must be built, in the order of the plan.
@@ -330,46 +332,46 @@ class _Batch:
             if variant.index >= self.count:
                 return
             if variant.failed is not None:
-                self._note(journal, variant, {"status": "kept_out", "rule": variant.failed})
+                self._write_line(journal, variant, {"status": "kept_out", "rule": variant.failed})
                 if self.stopping:  # no events are handled while only rules are evaluated
                     raise _Stopped
-                self._tell()
+                self._report_progress()
                 continue
             yield variant
 
     def _queue_size(self, engine: Executor) -> int:
         """Return the maximum number of chunks that are submitted to the executor at the same time."""
-        return engine.ahead if isinstance(engine, Cluster) else 2 * self.asked.jobs
+        return engine.ahead if isinstance(engine, Cluster) else 2 * self.run_options.jobs
 
-    def _size(self, engine: Executor) -> int:
+    def _chunk_size(self, engine: Executor) -> int:
         """Return the number of variants in the next chunk.
 
         The number is chosen so that building the chunk takes about the target duration, and that all runners have work until the end of the
         batch.
         """
-        first, seconds, most = 1, CHUNK_SECONDS, CHUNK_MOST
+        first, seconds, largest = 1, CHUNK_SECONDS, CHUNK_MOST
         if isinstance(engine, Cluster):
-            first, seconds, most = engine.first, engine.chunk_seconds, engine.chunk_most
-        fair = max(1, (self.count - self._total() - len(self.under_way)) // self._queue_size(engine))
+            first, seconds, largest = engine.first, engine.chunk_seconds, engine.chunk_most
+        fair = max(1, (self.count - self._total() - len(self.submitted)) // self._queue_size(engine))
         if not self.measured:
             return min(first, fair)
-        return max(1, min(most, fair, int(seconds * self.measured / max(self.spent, 1e-6))))
+        return max(1, min(largest, fair, int(seconds * self.measured / max(self.spent, 1e-6))))
 
     def _submit(self, engine: Executor, job: str, chunk: _Chunk, streaming: bool) -> None:
         chunk.attempts += 1
-        self.under_way.update((variant.index, variant) for variant in chunk.variants)
+        self.submitted.update((variant.index, variant) for variant in chunk.variants)
         if streaming:
-            future = engine.submit(evaluate, job, chunk.variants, self.asked.timeout, lambda row: self.events.put(("row", row)))
+            future = engine.submit(evaluate, job, chunk.variants, self.run_options.timeout, lambda row: self.events.put(("row", row)))
         else:
-            future = engine.submit(evaluate, job, chunk.variants, self.asked.timeout)
+            future = engine.submit(evaluate, job, chunk.variants, self.run_options.timeout)
         self.chunks[future] = chunk
-        future.add_done_callback(lambda done: self.events.put(("done", done)))
+        future.add_done_callback(lambda completed: self.events.put(("done", completed)))
 
-    def _handle(self, what: str, content: Any, engine: Executor, job: str, journal: Journal | PackedWriter, streaming: bool) -> None:
-        if what == "signal":
+    def _handle(self, event: str, content: Any, engine: Executor, job: str, journal: Journal | PackedWriter, streaming: bool) -> None:
+        if event == "signal":
             raise _Stopped
-        if what == "row":
-            self._take(journal, content)
+        if event == "row":
+            self._record_result(journal, content)
             return
         chunk = self.chunks.pop(content, None)
         if chunk is None:
@@ -377,26 +379,26 @@ class _Batch:
         fault = content.exception() if not content.cancelled() else Cancelled()
         if fault is None:
             for row in content.result():
-                self._take(journal, row)
+                self._record_result(journal, row)
             return
         if isinstance(fault, RunnersBroken):
             raise BatchFault(Code.RUNNERS, str(fault), "fix the reported problem, and continue with --resume", fault.detail)
-        _answers(engine)
-        left = [variant for variant in chunk.variants if variant.index in self.under_way]
+        _check_cluster(engine)
+        unfinished = [variant for variant in chunk.variants if variant.index in self.submitted]
         if chunk.attempts < ATTEMPTS:
-            size = max(1, -(-len(left) // PIECES))
-            for k in range(0, len(left), size):
-                self._submit(engine, job, _Chunk(left[k : k + size], chunk.attempts), streaming)
+            size = max(1, -(-len(unfinished) // PIECES))
+            for k in range(0, len(unfinished), size):
+                self._submit(engine, job, _Chunk(unfinished[k : k + size], chunk.attempts), streaming)
             return
-        for variant in left:
+        for variant in unfinished:
             message = f"the executor lost the variant {ATTEMPTS} times: {type(fault).__name__}: {' '.join(str(fault).split())}"
-            self._take(journal, {
+            self._record_result(journal, {
                 "index": variant.index, "id": variant.id, "status": "failed", "code": Code.VARIANT_DIED.code, "message": message,
             })
 
-    def _take(self, journal: Journal | PackedWriter, row: Row) -> None:
+    def _record_result(self, journal: Journal | PackedWriter, row: Row) -> None:
         """Record the result of a variant in the journal. Ignore the new result if the variant already has a result."""
-        variant = self.under_way.get(row["index"])
+        variant = self.submitted.get(row["index"])
         if variant is None:
             return
         if row["status"] == STOPPED:
@@ -407,12 +409,12 @@ class _Batch:
         self.spent += row.get("seconds", 0.0)
         self.measured += 1
         self.modelled.update(row.get("modelled", ()))
-        self._note(journal, variant, row)
-        if self.first is None:
-            self.first = (time.monotonic(), sum(self.counts.values()))
-        del self.under_way[row["index"]]
+        self._write_line(journal, variant, row)
+        if self.first_result is None:
+            self.first_result = (time.monotonic(), sum(self.counts.values()))
+        del self.submitted[row["index"]]
 
-    def _note(self, journal: Journal | PackedWriter, variant: Variant, row: Row) -> None:
+    def _write_line(self, journal: Journal | PackedWriter, variant: Variant, row: Row) -> None:
         line = {
             "index": variant.index, "id": variant.id, "name": variant.name, "status": row["status"],
             "parameters": dict(variant.values), "choices": self.plan.choices_of(variant),
@@ -433,22 +435,22 @@ class _Batch:
         with contextlib.suppress(BatchFault, OSError):
             while True:
                 try:
-                    what, row = self.events.get_nowait()
+                    event, row = self.events.get_nowait()
                 except queue.Empty:
                     return
-                if what == "row" and row["status"] != STOPPED:
-                    self._take(journal, row)
+                if event == "row" and row["status"] != STOPPED:
+                    self._record_result(journal, row)
 
     # --- progress and signals -----------------------------------------------------------------------------------------
 
-    def _tell(self, *, last: bool = False) -> None:
+    def _report_progress(self, *, last: bool = False) -> None:
         """Report the progress of the batch to the caller, at most five times per second unless `last` is true."""
         now = time.monotonic()
-        if self.on_progress is not None and (last or now - self.told > 0.2):
-            self.told = now
+        if self.on_progress is not None and (last or now - self.last_report > 0.2):
+            self.last_report = now
             rate = 0.0
-            if self.first is not None and now > self.first[0]:  # this excludes the time to start the runners
-                rate = (sum(self.counts.values()) - self.first[1]) / (now - self.first[0])
+            if self.first_result is not None and now > self.first_result[0]:  # this excludes the time to start the runners
+                rate = (sum(self.counts.values()) - self.first_result[1]) / (now - self.first_result[0])
             self.on_progress(Progress(count=self.count, before=sum(self.earlier.values()), counts=dict(self.counts), rate=rate))
 
     @contextlib.contextmanager
@@ -462,23 +464,23 @@ class _Batch:
             self.stopping = True
             self.events.put(("signal", number))
 
-        before = {one: signal.signal(one, stop) for one in (signal.SIGINT, signal.SIGTERM)}
+        previous_handlers = {signal_number: signal.signal(signal_number, stop) for signal_number in (signal.SIGINT, signal.SIGTERM)}
         try:
             yield
         finally:
-            for one, handler in before.items():
-                signal.signal(one, handler)
+            for signal_number, handler in previous_handlers.items():
+                signal.signal(signal_number, handler)
 
     def _total(self) -> int:
         return sum(self.earlier.values()) + sum(self.counts.values())
 
 
-def _by_chance(line: Line) -> bool:
-    """Return whether a failed variant should be built again because another attempt can succeed."""
+def _can_succeed_later(line: Line) -> bool:
+    """Return whether another attempt to build a variant can succeed: it failed, or a part crashed or hung."""
     return bool(line["status"] == "failed" or line["status"] == "refused" and line["code"] in CHANCE)
 
 
-def _answers(engine: Executor) -> None:
+def _check_cluster(engine: Executor) -> None:
     """Raise `BatchFault` if the executor is a cluster that no longer responds."""
     fault = engine.fault() if isinstance(engine, Cluster) else None
     if fault is not None:

@@ -176,8 +176,8 @@ class PackedWriter:
 
     def _open_chunk(self, number: int) -> tuple[Journal, set[int]]:
         journal = Journal(_chunk_path(self.folder, number, ".jsonl"))
-        whole = range(number * CHUNK, min((number + 1) * CHUNK, len(self.done)))
-        self._open[number] = journal, {index for index in whole if not self.done[index]}
+        indices = range(number * CHUNK, min((number + 1) * CHUNK, len(self.done)))
+        self._open[number] = journal, {index for index in indices if not self.done[index]}
         return self._open[number]
 
     def _seal(self, number: int) -> None:
@@ -194,7 +194,7 @@ def seal(folder: str, number: int) -> None:
     from pyarrow import parquet
 
     chunk = Chunk(folder, number)
-    told, run = _schemas(chunk.paths, chunk.lengths)
+    schema, run_schema = _schemas(chunk.paths, chunk.lengths)
     options: dict[str, Any] = {
         "compression": "zstd", "compression_level": 3, "use_dictionary": ["status", "losses", SHARED], "write_statistics": False,
         "data_page_size": 2 * GROUP_BYTES,
@@ -202,12 +202,12 @@ def seal(folder: str, number: int) -> None:
     new = f"{folder_layout.NEW}{number:06d}"
     fresh = {end: _chunk_path(folder, number, end).replace(f"{number:06d}", new) for end in (".run.parquet", ".parquet")}
     with (
-        contextlib.closing(chunk), parquet.ParquetWriter(fresh[".parquet"], told, **options) as rows,
-        parquet.ParquetWriter(fresh[".run.parquet"], run, compression="zstd", write_statistics=False) as runs,
+        contextlib.closing(chunk), parquet.ParquetWriter(fresh[".parquet"], schema, **options) as rows,
+        parquet.ParquetWriter(fresh[".run.parquet"], run_schema, compression="zstd", write_statistics=False) as runs,
     ):
-        for group in _groups(chunk, ("run", *told.names)):
-            rows.write_table(arrow_table(told, [cells[1:] for cells in group]))
-            runs.write_table(arrow_table(run, [(index, own) for own, index, *_ in group]))
+        for group in _groups(chunk, ("run", *schema.names)):
+            rows.write_table(arrow_table(schema, [cells[1:] for cells in group]))
+            runs.write_table(arrow_table(run_schema, [(index, run_cell) for run_cell, index, *_ in group]))
     for end, path in fresh.items():  # write the run file first, because a chunk requires it
         with open(path, "rb") as stream:
             os.fsync(stream.fileno())
@@ -234,13 +234,13 @@ def _groups(chunk: Chunk, columns: Sequence[str]) -> Iterator[list[tuple[Any, ..
 def _schemas(paths: Sequence[str], lengths: Sequence[str]) -> tuple[Any, Any]:
     """Return the Parquet schemas of a chunk file and of its run file.
 
-    The metadata of the first schema contains the names of the results `length.JOINT`.
+    The metadata of the first schema contains `lengths`, the names of the results `length.JOINT`.
     """
     import pyarrow
 
     text = [pyarrow.field(name, pyarrow.int64() if name == "index" else pyarrow.string()) for name in CELLS]
-    told = pyarrow.schema([*text, *(pyarrow.field(path, pyarrow.binary()) for path in paths)], {"lengths": json.dumps(lengths)})
-    return told, pyarrow.schema([pyarrow.field("index", pyarrow.int64()), pyarrow.field("run", pyarrow.string())])
+    schema = pyarrow.schema([*text, *(pyarrow.field(path, pyarrow.binary()) for path in paths)], {"lengths": json.dumps(lengths)})
+    return schema, pyarrow.schema([pyarrow.field("index", pyarrow.int64()), pyarrow.field("run", pyarrow.string())])
 
 
 def _json(value: Any) -> str:
@@ -261,16 +261,16 @@ class Chunk:
     def __init__(self, folder: str, number: int) -> None:
         self.number = number
         self._journal: Any = None
-        self._begins: dict[int, int] = {}
-        self._noted = lru_cache(1)(self._read_line)
-        own: set[str] = set()
+        self._offsets: dict[int, int] = {}
+        self._cached_line = lru_cache(1)(self._read_line)
+        paths: set[str] = set()
         lengths: set[str] = set()
         path = _chunk_path(folder, number, ".jsonl") if is_packed(folder) else os.path.join(folder, folder_layout.JOURNAL)
         with contextlib.suppress(FileNotFoundError):
             self._journal = open(path, "rb")  # noqa: SIM115 - closed with the chunk
             for at, line in lines(path):
-                self._begins[int(line["index"])] = at
-                own.update(line.get(FILES, ()))
+                self._offsets[int(line["index"])] = at
+                paths.update(line.get(FILES, ()))
                 lengths.update(name for name in line.get("results", ()) if name.startswith(LENGTHS))
         self._path = _chunk_path(folder, number, ".parquet")
         self._run = _open_parquet(_chunk_path(folder, number, ".run.parquet"))
@@ -283,19 +283,19 @@ class Chunk:
             self._starts = [0, *accumulate(metadata.row_group(k).num_rows for k in range(metadata.num_row_groups))]
             self._rows = {index: row for row, index in enumerate(self._read(["index"])["index"].to_pylist())}
             self._sealed_columns.update(self._sealed.schema_arrow.names)
-            own.update(self._sealed.schema_arrow.names[len(CELLS):])
+            paths.update(self._sealed.schema_arrow.names[len(CELLS):])
             lengths.update(json.loads(self._sealed.schema_arrow.metadata[b"lengths"]))
-        self.indices = sorted(self._rows.keys() | self._begins.keys())
-        self.paths = sorted(own)
-        self._cells = lru_cache(max(COLUMNS_MOST, 2 * len(own)))(self._read_cells)
+        self.indices = sorted(self._rows.keys() | self._offsets.keys())
+        self.paths = sorted(paths)
+        self._cells = lru_cache(max(COLUMNS_MOST, 2 * len(paths)))(self._read_cells)
         self.lengths = sorted(lengths)
 
     def close(self) -> None:
         """Close the files of the chunk, and clear its caches, which refer to the chunk."""
         self._cells.cache_clear()
-        for one in (self._journal, self._sealed, self._run):
-            if one is not None:
-                one.close()
+        for file in (self._journal, self._sealed, self._run):
+            if file is not None:
+                file.close()
 
     def heads(self) -> list[tuple[int, str, str, str]]:
         """Return a tuple with the index, the id, the name and the status of each finished variant of the chunk."""
@@ -303,22 +303,22 @@ class Chunk:
         return [heads[index] for index in self.indices]
 
     def losses(self) -> Counter[str | None]:
-        """Count the variants of the chunk for each combination of export losses, which is encoded as JSON."""
+        """Count the variants of the chunk by their export losses. The keys are JSON objects that map kinds of losses to numbers."""
         return Counter(text for (text,) in self._columns(("losses",)).values())
 
     def _columns(self, names: Sequence[str]) -> dict[int, Any]:
-        """Return a tuple with the cells in the given columns for each finished variant of the chunk, by its index."""
+        """Return the cells in the given columns as a tuple for each finished variant of the chunk, keyed by plan index."""
         rows: dict[int, Any] = {}
         if self._sealed is not None:
             cells = self._read(list(names))
             rows.update(zip(self._rows, zip(*(cells[name].to_pylist() for name in names), strict=True), strict=True))
-        rows.update((index, tuple(self.cell(index, name) for name in names)) for index in self._begins)
+        rows.update((index, tuple(self.cell(index, name) for name in names)) for index in self._offsets)
         return rows
 
     def line(self, index: int) -> Line:
         """Return the journal line of the variant with this plan index, in the same form as in a batch that is not packed."""
-        if index in self._begins:
-            return {key: value for key, value in self._noted(index).items() if key not in (FILES, SHARED)}
+        if index in self._offsets:
+            return {key: value for key, value in self._cached_line(index).items() if key not in (FILES, SHARED)}
         return {**json.loads(self.cell(index, "line")), **json.loads(self.cell(index, "run"))}
 
     def asset_digests(self, index: int) -> dict[str, str]:
@@ -335,8 +335,8 @@ class Chunk:
 
         For the column of a file, return the content of the file as bytes.
         """
-        if index in self._begins:
-            return _cell_of(self._noted(index), column)
+        if index in self._offsets:
+            return _cell_of(self._cached_line(index), column)
         return self._sealed_cell(self._rows[index], column) if column in self._sealed_columns else None
 
     def _read(self, columns: list[str]) -> Any:
@@ -347,7 +347,7 @@ class Chunk:
 
     def _read_line(self, index: int) -> Line:
         """Read the line of a variant in the journal of the chunk."""
-        self._journal.seek(self._begins[index])
+        self._journal.seek(self._offsets[index])
         line: Line = json.loads(self._journal.readline())
         return line
 
@@ -444,13 +444,13 @@ def _column(values: Sequence[Any], type: Any) -> Any:
     elif type == pyarrow.bool_():
         data = [_bits(values)]
     else:
-        told = [b"" if value is None else value.encode() if isinstance(value, str) else value for value in values]
-        ends = list(accumulate(map(len, told), initial=0))
+        encoded = [b"" if value is None else value.encode() if isinstance(value, str) else value for value in values]
+        ends = list(accumulate(map(len, encoded), initial=0))
         if ends[-1] > LARGEST:
             return pyarrow.array(values, type)
-        data = [array("i", ends), b"".join(told)]
-    there = _bits([value is not None for value in values])
-    return pyarrow.Array.from_buffers(type, len(values), [pyarrow.py_buffer(one) for one in (there, *data)])
+        data = [array("i", ends), b"".join(encoded)]
+    validity = _bits([value is not None for value in values])
+    return pyarrow.Array.from_buffers(type, len(values), [pyarrow.py_buffer(buffer) for buffer in (validity, *data)])
 
 
 def _bits(flags: Sequence[Any]) -> bytes:

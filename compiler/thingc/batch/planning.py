@@ -200,15 +200,15 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def digest(self) -> str:
-        """The SHA-256 of all values that determine the variants of the plan and their files.
+        """The SHA-256 of the content of the variants document that determines the variants and their files.
 
-        The digest does not depend on the contents of other files, such as part files.
+        Digests of other files, such as part files, are in `inputs`.
         """
         described = {
             "name": self.name, "assembly": self.assembly_relative, "fixed": _plain(self.fixed),
-            "listed": [_plain(one) for one in self.listed],
+            "listed": [_plain(item) for item in self.listed],
             "axes": [
-                [axis.key, axis.choice, [plain(one) for one in axis.values], [plain(one) for one in axis.range or ()], axis.whole]
+                [axis.key, axis.choice, [plain(item) for item in axis.values], [plain(item) for item in axis.range or ()], axis.whole]
                 for axis in self.axes
             ],
             "sample": [self.method, self.drawn, self.seed], "rules": [rule.text for rule in self.rules],
@@ -223,7 +223,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def kinds(self) -> dict[str, ExpressionValue]:
-        """For each parameter and each value that is set by path, an example value with the same type."""
+        """An example value for each parameter and each value that is set by path. Valid values have the same type."""
         return {**self.own, **self.paths.kinds}
 
     @property
@@ -246,22 +246,22 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
     def choice_paths(self) -> tuple[str, ...]:
         """The paths of all choices in the document, in order."""
         settings = (self.fixed, *self.listed)
-        paths = [*(path for one in settings for path in one.choices), *(axis.key for axis in self.axes if axis.choice)]
+        paths = [*(path for setting in settings for path in setting.choices), *(axis.key for axis in self.axes if axis.choice)]
         return tuple(dict.fromkeys(paths))
 
     def values(self, given: Mapping[str, ExpressionValue]) -> dict[str, ExpressionValue]:
-        """Compute the values of all parameters of the assembly, and of all paths that the plan sets, for the `given` values.
+        """Compute all parameters of the assembly and all values that the plan sets by path, if the values in `given` are set.
 
-        Values that cannot be evaluated are omitted.
+        Expressions that cannot be evaluated are omitted.
         """
         values: dict[str, ExpressionValue] = {}
-        stated = {**self.own, **self.paths.own}
+        document_values = {**self.own, **self.paths.own}
         for name, expression in self._order:
             if name in given:
                 values[name] = given[name]
             elif expression is None:
-                if name in stated:
-                    values[name] = stated[name]
+                if name in document_values:
+                    values[name] = document_values[name]
             else:
                 try:
                     values[name] = evaluate(expression, values)
@@ -271,9 +271,9 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     @cached_property
     def _order(self) -> tuple[tuple[str, Expression | None], ...]:
-        """The names of all parameters and paths, each with its expression, or None for a value without an expression.
+        """The names of all parameters and paths, each with its expression, or with None if its value is not an expression.
 
-        The names are sorted: each name comes after all parameters that its expression uses.
+        Each name follows all parameters that its expression uses.
         """
         raw = {name: entry.value if isinstance(entry, ParameterSpec) else entry for name, entry in self.assembly_spec.parameters.items()}
         ordered: dict[str, Expression | None] = {}
@@ -292,13 +292,10 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         return (*ordered.items(), *((path, self.paths.expressions.get(path)) for path in self.paths.kinds))
 
     @cached_property
-    def _stated(self) -> dict[str, Value]:
-        """All values that the assembly document specifies without an expression.
-
-        The settings of variants that equal these values are omitted.
-        """
-        own = {**self.own, **self.paths.own}
-        return {name: plain(own[name]) for name, expression in self._order if expression is None and name in own}
+    def _literal_values(self) -> dict[str, Value]:
+        """The values in the assembly document that are not expressions. Settings that equal these values are omitted from a variant."""
+        document_values = {**self.own, **self.paths.own}
+        return {name: plain(document_values[name]) for name, expression in self._order if expression is None and name in document_values}
 
     def _settings(self) -> Iterator[Setting]:
         """Yield the settings of all variants that the document specifies, in order. The method can yield equal settings several times."""
@@ -335,7 +332,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
                 continue
             parameters = {
                 name: value for name, value in setting.parameters.items()
-                if name not in self._stated or plain(value) != self._stated[name]
+                if name not in self._literal_values or plain(value) != self._literal_values[name]
             }
             choices = {path: text for path, text in setting.choices.items() if self.own_choices.get(path) != text}
             id = identity(self.assembly_relative, parameters, choices)
@@ -349,14 +346,14 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
 
     def command(self, variant: Variant) -> list[str]:
         """Return the command line that builds a single variant. The command must be run in the folder of the workspace."""
-        words = ["thingc", "build", self.assembly_relative]
+        arguments = ["thingc", "build", self.assembly_relative]
         for name, text in variant.parameters.items():
-            words += ["-p", f"{name}={text}"]
+            arguments += ["-p", f"{name}={text}"]
         for path, text in variant.choices.items():
-            words += ["--set", f"{path}={text}"]
+            arguments += ["--set", f"{path}={text}"]
         for mode in self.chosen_modes:
-            words += ["--mode", mode]
-        return [*words, *(word for target in self.emit for word in ("--emit", target))]
+            arguments += ["--mode", mode]
+        return [*arguments, *(argument for target in self.emit for argument in ("--emit", target))]
 
 
 def _holds(rule: Rule, values: Mapping[str, ExpressionValue]) -> bool:

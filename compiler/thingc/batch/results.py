@@ -114,7 +114,7 @@ class BuiltVariant(OneLineRepr):
         return self._compile(self._text(mode, scene, visual), self._files.meshes())
 
     def model_text(self, mode: str, scene: bool, visual: bool) -> ModelText:
-        """Return the XML text that the method `model` compiles with MuJoCo. Raises the same errors as `model`."""
+        """Return the text and meshes that `model` compiles for the same arguments. Raises the same errors as `model`."""
         text, meshes = self._text(mode, scene, visual), self._files.meshes()
         return ModelText(
             text=text, meshes=tuple((name, file) for name, (file, _) in meshes.items()), assets=lambda: self.family.meshes.of(meshes),
@@ -128,9 +128,9 @@ class BuiltVariant(OneLineRepr):
             text = text.replace("<compiler ", '<compiler discardvisual="true" ', 1)
         if not scene:
             return text
-        own = _WITHIN.search(text)
-        assert own is not None
-        return _INCLUDE.sub(lambda _: own[1], self._read(f"scene_{mode}.xml").decode(), count=1)
+        content = _WITHIN.search(text)
+        assert content is not None
+        return _INCLUDE.sub(lambda _: content[1], self._read(f"scene_{mode}.xml").decode(), count=1)
 
     def _compile(self, text: str, meshes: Mapping[str, tuple[File, str]]) -> mujoco.MjModel:
         import mujoco
@@ -308,16 +308,16 @@ class BatchResults(Sequence[BuiltVariant]):
         Raises `UnknownVariant` for an unknown column, and `FamilyError` for an invalid condition.
         """
         if isinstance(where, Mapping):
-            kept = [True] * len(self)
-            for name, wanted in where.items():
+            matches = [True] * len(self)
+            for name, condition in where.items():
                 cells = self.column(name)
-                _check(name, wanted, cells)
-                kept = [one and _holds(cell, wanted) for one, cell in zip(kept, cells, strict=True)]
+                _check(name, condition, cells)
+                matches = [is_match and _holds(cell, condition) for is_match, cell in zip(matches, cells, strict=True)]
         elif callable(where):
-            kept = [bool(where(variant)) for variant in self]
+            matches = [bool(where(variant)) for variant in self]
         else:
             raise FamilyError(f"expected `where` to be a mapping from columns to values, or a function of a variant, found `{where}`")
-        return self._of(tuple(index for index, one in zip(self._indices, kept, strict=True) if one))
+        return self._of(tuple(index for index, is_match in zip(self._indices, matches, strict=True) if is_match))
 
     def choose_mode(self, mode: str | None) -> str:
         """Return the name of the mode that a method must use. If `mode` is None, return the default mode, or else the only mode.
@@ -327,7 +327,7 @@ class BatchResults(Sequence[BuiltVariant]):
         name = mode if mode is not None else self.mode
         if name is None:
             if len(self.mode_names) > 1:
-                known = ", ".join(f"`{one}`" for one in self.mode_names)
+                known = ", ".join(f"`{mode_name}`" for mode_name in self.mode_names)
                 raise FamilyError(f"batch `{self.name}` has {len(self.mode_names)} modes, {known}", "select one with `mode=\"...\"`")
             name = self.mode_names[0]
         if name not in self.mode_names:
@@ -348,8 +348,8 @@ class BatchResults(Sequence[BuiltVariant]):
         """
         key = (self.choose_mode(mode), scene, visual)
         models = self._models.setdefault(key, TextModels())
-        many = self if variants is None else variants if isinstance(variants, Iterable) else [variants]
-        return models.each((_variant(one).model_text(*key) for one in many), share=share)
+        selected = self if variants is None else variants if isinstance(variants, Iterable) else [variants]
+        return models.each((_variant(variant).model_text(*key) for variant in selected), share=share)
 
 
 class _Rows(Sequence[Mapping[str, Any]]):
@@ -380,23 +380,23 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
     """
     import json
 
-    place = os.path.abspath(os.fsdecode(folder))
-    described = read_batch(place)
+    path = os.path.abspath(os.fsdecode(folder))
+    described = read_batch(path)
     if described is None:
-        within = [name for name in listing(place) if read_batch(os.path.join(place, name))]
-        hint = f"; it contains the batches: {', '.join(f'`{name}`' for name in within)}" if within else ""
-        raise FamilyError(f"`{shown_path(place)}` is not the folder of a batch{hint}", "run `thingc batch` to create one")
-    whole(place, described)
-    records = BuildRecords(place)
+        batches = [name for name in listing(path) if read_batch(os.path.join(path, name))]
+        hint = f"; it contains the batches: {', '.join(f'`{name}`' for name in batches)}" if batches else ""
+        raise FamilyError(f"`{shown_path(path)}` is not the folder of a batch{hint}", "run `thingc batch` to create one")
+    whole(path, described)
+    records = BuildRecords(path)
     robot = json.loads(records.files(records.built[0]).read(MANIFEST))["name"] if records.built else ""
-    family = BatchResults(place, described, mode, robot, records, MeshFiles())
+    family = BatchResults(path, described, mode, robot, records, MeshFiles())
     if mode is not None:
         family.choose_mode(mode)
     return family if where is None else family.filter(where)
 
 
 def _row(line: Line) -> dict[str, Any]:
-    """Return all non-empty cells of a journal line, as in the table. All numbers in these cells except counts are floats."""
+    """Return the non-empty cells of the table row for a journal line. All numbers except counts are floats."""
     numbers = {name: float(value) for name, value in line.get("results", {}).items()}
     for name, value in line["parameters"].items():
         if isinstance(value, int) and not isinstance(value, bool):
@@ -404,30 +404,30 @@ def _row(line: Line) -> dict[str, Any]:
     return {name: numbers.get(name, value) for name, value in flat(line).items() if value is not None}
 
 
-def _variant(one: Any) -> BuiltVariant:
-    if not isinstance(one, BuiltVariant):
-        raise FamilyError(f"expected variants, found `{one}`", "use `family[...]` with its index, its id or its name")
-    return one
+def _variant(value: Any) -> BuiltVariant:
+    if not isinstance(value, BuiltVariant):
+        raise FamilyError(f"expected variants, found `{value}`", "use `family[...]` with its index, its id or its name")
+    return value
 
 
-def _check(name: str, wanted: Any, cells: Sequence[Any]) -> None:
-    """Raise `FamilyError` if no cell of a column can have the value `wanted` of a filter. Such a filter would select no variants."""
-    if not isinstance(wanted, tuple):
-        if wanted is not None and not isinstance(wanted, str | Real):
-            raise FamilyError(f"expected a value for the column `{name}`, or a range `(low, high)`, found `{wanted}`")
+def _check(name: str, condition: Any, cells: Sequence[Any]) -> None:
+    """Raise `FamilyError` if the `condition` of a filter has another type than the cells of its column, so that it selects nothing."""
+    if not isinstance(condition, tuple):
+        if condition is not None and not isinstance(condition, str | Real):
+            raise FamilyError(f"expected a value for the column `{name}`, or a range `(low, high)`, found `{condition}`")
         return
-    if len(wanted) != 2 or not all(isinstance(one, Real) for one in wanted) or not wanted[0] <= wanted[1]:
-        raise FamilyError(f"expected a range of the column `{name}` to be two numbers `(low, high)`, found `{wanted}`")
+    if len(condition) != 2 or not all(isinstance(bound, Real) for bound in condition) or not condition[0] <= condition[1]:
+        raise FamilyError(f"expected a range of the column `{name}` to be two numbers `(low, high)`, found `{condition}`")
     text = next((cell for cell in cells if isinstance(cell, str)), None)
     if text is not None:
-        raise FamilyError(f"expected a string for the column `{name}`, such as `{text}`, found the range `{wanted}`")
+        raise FamilyError(f"expected a string for the column `{name}`, such as `{text}`, found the range `{condition}`")
 
 
-def _holds(cell: Any, wanted: Any) -> bool:
-    if isinstance(wanted, tuple):
-        low, high = wanted
+def _holds(cell: Any, condition: Any) -> bool:
+    if isinstance(condition, tuple):
+        low, high = condition
         return cell is not None and low <= cell <= high
-    return bool(cell == wanted)
+    return bool(cell == condition)
 
 
 def _because(row: Mapping[str, Any]) -> str:

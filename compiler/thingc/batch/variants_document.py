@@ -33,7 +33,7 @@ from thingc.model.resolve.types import AssemblyDefinition
 
 
 def targets_of(document: Document, spec: VariantsSpec, report: Report) -> tuple[str, ...]:
-    """Return the names of the targets that the document specifies, in the order of a build. Unknown targets are reported as errors."""
+    """Return the targets under `emit` in the document, in the order in which a build writes them. Report unknown targets as errors."""
     from thingc.targets.registry import parse_targets, unknown
 
     for index, message, hint in unknown(spec.emit):
@@ -61,11 +61,11 @@ def check_names(document: Document, spec: VariantsSpec, model: AssemblyDefinitio
     for key, text in (("of", spec.reach.of), ("from", spec.reach.from_)):
         missing = _missing(model, text.split("."))
         if missing is not None:
-            word, known, what = missing
+            name_part, known, kind = missing
             report.add(
-                Code.UNKNOWN_COMPONENT if what == "components" else Code.UNKNOWN_MOUNT,
-                f"there is no {'component' if what == 'components' else 'mount'} `{shorten(word)}` here",
-                document.span(("reach", key)), help=did_you_mean(word, known, what=what), path=f"reach.{key}",
+                Code.UNKNOWN_COMPONENT if kind == "components" else Code.UNKNOWN_MOUNT,
+                f"there is no {'component' if kind == 'components' else 'mount'} `{shorten(name_part)}` here",
+                document.span(("reach", key)), help=did_you_mean(name_part, known, what=kind), path=f"reach.{key}",
             )
 
 
@@ -74,8 +74,8 @@ def check_margin(document: Document, spec: VariantsSpec, model: AssemblyDefiniti
 
     The distribution of loads in closed loops is unknown, so such a robot has no torque margin.
     """
-    wanted = spec.modes[0] if spec.modes else model.modes[0].name
-    mode = next((mode for mode in model.modes if mode.name == wanted), None)
+    mode_name = spec.modes[0] if spec.modes else model.modes[0].name
+    mode = next((mode for mode in model.modes if mode.name == mode_name), None)
     if mode is None or not (mode.holds or any(joint.loop for joint in model.joints)):
         return
     for index, expression in enumerate(spec.keep):
@@ -96,23 +96,23 @@ def moving_joints(model: AssemblyDefinition, prefix: str = "") -> Iterator[str]:
             yield from moving_joints(component.definition, f"{prefix}{component.name}/")
 
 
-def _missing(model: AssemblyDefinition, words: list[str]) -> tuple[str, Mapping[str, Any] | list[str], str] | None:
-    """For an invalid mount reference, return its first invalid part, the names that exist instead, and the kind of these names.
+def _missing(model: AssemblyDefinition, names: list[str]) -> tuple[str, Mapping[str, Any] | list[str], str] | None:
+    """Find the first invalid name in a mount reference, which is split into `names` at the dots.
 
-    Return None for a valid reference. The function does not check the mounts of a part, because mounts are unknown before the part is
-    built.
+    Return the invalid name, the names that exist instead, and their kind (`mounts` or `components`), or None if all names are valid. The
+    mounts of a part are not checked, because they are unknown before the part is built.
     """
-    if len(words) == 1:
-        return None if words[0] in model.mounts else (words[0], model.mounts, "mounts")
+    if len(names) == 1:
+        return None if names[0] in model.mounts else (names[0], model.mounts, "mounts")
     components = {component.name: component for component in model.components}
-    component = components.get(words[0])
+    component = components.get(names[0])
     if component is None:
-        return words[0], list(components), "components"
+        return names[0], list(components), "components"
     definition = component.definition
     if isinstance(definition, AssemblyDefinition):
-        return _missing(definition, words[1:]) if words[1:] != ["origin"] else None
-    if len(words) > 2 and isinstance(definition, PartDefinition):
-        return words[1], ["origin"], "components"
+        return _missing(definition, names[1:]) if names[1:] != ["origin"] else None
+    if len(names) > 2 and isinstance(definition, PartDefinition):
+        return names[1], ["origin"], "components"
     return None
 
 
@@ -135,8 +135,7 @@ def plan(document: str, *, options: Options | None = None) -> Plan:
 def read_plan(path: str, options: Options, report: Report, lend: Lend | None = None) -> Plan | None:
     """Read the `variants/1` document at `path`, and return the plan of its variants.
 
-    If the document has errors, add the errors to `report` and return None. `lend` returns the source of parts, as for the class
-    `Environment`.
+    If the document has errors, add the errors to `report` and return None. `lend` returns a service that builds parts; see `Environment`.
     """
     workspace = Workspace.find(path, report, options.texts)
     documents = load(path, workspace, report, kinds=("variants",), texts=options.texts) if workspace is not None else None
@@ -165,10 +164,10 @@ class _Planner:
         self.sources = sources
         self.workspace = sources.workspace
         self.report = report
-        self.said: set[tuple[str, str]] = set()
-        self.tried: dict[tuple[tuple[str, str], ...], list[Diagnostic]] = {}
-        self.beside: dict[str, str] = {}
-        """Settings in addition to the values of the current variant."""
+        self.reported: set[tuple[str, str]] = set()
+        self.errors_by_settings: dict[tuple[tuple[str, str], ...], list[Diagnostic]] = {}
+        self.other_settings: dict[str, str] = {}
+        """The settings of the listed variant that is being checked, in addition to its parameters."""
 
     def plan(self) -> Plan | None:
         root = self.sources.documents.root
@@ -179,18 +178,18 @@ class _Planner:
         if not self.grid_fits():
             return None
         declared = AssemblyParameters(self.sources.documents, self.sources.specs, self.workspace)
-        own = declared.values
-        paths = values.read_paths(self.spec, self.sources.documents, own)
+        parameter_values = declared.values
+        paths = values.read_paths(self.spec, self.sources.documents, parameter_values)
         reader = AxisParser(self.document, declared, self.report, paths, self.fits)
         axes, parameters = self.parameters(reader)
         choice_axes, choices = self.choices(root.relative)
         fixed = Setting(name=None, parameters=parameters, choices=choices)
         listed = self.read_listed(reader, fixed, root.relative)
-        method, drawn, seed = self.sample(reader)
+        method, sample_count, seed = self.sample(reader)
         ranges = [reader.range(name, raw) for name, raw in (self.spec.sample.ranges if self.spec.sample else {}).items()]
         drawn_axes = [axis for axis in ranges if axis is not None]
         rules = read_rules(
-            self.document, self.spec.keep, {**own, **paths.kinds}, [name.replace("/", ".") for name in moving_joints(model)],
+            self.document, self.spec.keep, {**parameter_values, **paths.kinds}, [name.replace("/", ".") for name in moving_joints(model)],
             reach=self.spec.reach is not None, report=self.report,
         )
         emit = targets_of(self.document, self.spec, self.report)
@@ -200,11 +199,11 @@ class _Planner:
             return None
         return Plan(
             document=self.document.path, relative=self.document.relative, sha256=self.document.sha256,
-            name=self.spec.name, assembly=root.path,
-            assembly_relative=root.relative, assembly_spec=assembly, model=model, workspace=self.workspace, own=own, paths=paths,
-            written_in=dict(self.units((*own, *paths.kinds))),
+            name=self.spec.name, assembly=root.path, assembly_relative=root.relative,
+            assembly_spec=assembly, model=model, workspace=self.workspace, own=parameter_values, paths=paths,
+            written_in=dict(self.units((*parameter_values, *paths.kinds))),
             own_choices=stated_choices(assembly), fixed=fixed, listed=listed,
-            axes=(*drawn_axes, *axes, *choice_axes), method=method, drawn=drawn, seed=seed, rules=tuple(rules),
+            axes=(*drawn_axes, *axes, *choice_axes), method=method, drawn=sample_count, seed=seed, rules=tuple(rules),
             modes=tuple(self.spec.modes or (mode.name for mode in model.modes)), chosen_modes=tuple(self.spec.modes),
             pose=self.spec.pose, reach=(self.spec.reach.of, self.spec.reach.from_) if self.spec.reach is not None else None,
             emit=emit, inputs=self.inputs(), layout=self.spec.layout, notes=tuple(self.report.sorted_diagnostics()),
@@ -231,11 +230,11 @@ class _Planner:
         """
         root = self.sources.documents.root
         for name in names:
-            own = ("parameters", name) if "." not in name else tuple(name.split("."))
+            value_path = ("parameters", name) if "." not in name else tuple(name.split("."))
             axis = ("parameters", name)
             places: tuple[tuple[Document, Path], ...] = (
                 (self.document, axis), (self.document, (*axis, 0)), (self.document, (*axis, "from")),
-                (self.document, ("sample", "ranges", name, 0)), (root, own), (root, (*own, "value")),
+                (self.document, ("sample", "ranges", name, 0)), (root, value_path), (root, (*value_path, "value")),
             )
             texts = (node.text for document, path in places if isinstance(node := node_at(document.tree, path), ScalarNode))
             unit = next((unit for text in texts if (unit := unit_in(text))), "")
@@ -258,7 +257,7 @@ class _Planner:
             if not texts and not missing:
                 self.error(Code.VARIANT_CHOICE, f"`{path}` has no choices", ("choices", path), "write at least one")
                 continue
-            sound = [text for text, at in texts.items() if self.possible(path, text, at)]
+            sound = [text for text, at in texts.items() if self.is_valid_choice(path, text, at)]
             if len(sound) == 1:
                 fixed[path] = sound[0]
             elif sound:
@@ -278,41 +277,41 @@ class _Planner:
             text, beside=self.document.path, where=self.document.span(at), workspace=self.workspace, report=self.report,
         ) is not None
 
-    def possible(self, path: str, text: str, at: Path) -> bool:
-        """Return True if the value `text` of a choice is valid, alone or together with an enclosing assembly that another choice selects.
+    def is_valid_choice(self, path: str, text: str, at: Path) -> bool:
+        """Return whether `text` is a valid value of the choice at `path`. Report an invalid value as an error at the key path `at`.
 
-        An invalid value of a choice is reported as an error.
+        A value is also valid if it is only valid in an assembly that another choice selects for an enclosing component.
         """
-        wrong = self.trial({path: text})
-        for diagnostic in wrong:
+        errors = self.errors_of({path: text})
+        for diagnostic in errors:
             if diagnostic.code is Code.CHOICE_OPTION:
-                self.say_once(Code.VARIANT_CHOICE, diagnostic, path, at, f"choices.{path}", key=False)
-        return not any(diagnostic.code is Code.CHOICE_OPTION for diagnostic in wrong)
+                self.report_once(Code.VARIANT_CHOICE, diagnostic, path, at, f"choices.{path}", key=False)
+        return not any(diagnostic.code is Code.CHOICE_OPTION for diagnostic in errors)
 
     def fits(self, path: str, text: str, at: Path) -> bool:
-        """Return True if the value `text` is valid at a path in the assembly document.
+        """Return whether `text` is a valid value at `path` in the assembly document. Report an invalid value or unknown path as an error.
 
-        An invalid value or an unknown path is reported as an error. A value of an explicitly listed variant is checked together with all
-        settings of this variant. Any other value is first checked without other settings. A value that is invalid alone is checked again,
-        together with the first values of all other settings.
+        `at` is the key path of the value in the variants document. A value in `list` is checked together with all settings of its variant.
+        Any other value is first checked without other settings. A value that is invalid alone is checked again, together with the first
+        values of all other settings.
         """
         if at[0] == "list":
-            written = self.texts({name: (*at[:-1], name) for name in self.spec.list_[int(at[1])].parameters})
-            entry = {**{name: one for name, one in written.items() if "." in name}, path: text}
-            parameters = {name: one for name, one in written.items() if "." not in name}
-            wrong = [
-                one for one in self.made_wrong(entry, {**self.beside, **parameters})
-                if closest(entry, (one.path or "").removeprefix(SET).partition("=")[0]) == path
+            entry_texts = self.texts({name: (*at[:-1], name) for name in self.spec.list_[int(at[1])].parameters})
+            entry = {**{name: value for name, value in entry_texts.items() if "." in name}, path: text}
+            parameters = {name: value for name, value in entry_texts.items() if "." not in name}
+            errors = [
+                value for value in self.added_errors(entry, {**self.other_settings, **parameters})
+                if closest(entry, (value.path or "").removeprefix(SET).partition("=")[0]) == path
             ]
         else:
-            wrong = self.trial({path: text})
-            if wrong:
-                wrong = self.made_wrong({path: text}, {name: first for name, first in self.firsts().items() if name != path})
-        for diagnostic in wrong:
+            errors = self.errors_of({path: text})
+            if errors:
+                errors = self.added_errors({path: text}, {name: first for name, first in self.first_texts().items() if name != path})
+        for diagnostic in errors:
             astray = diagnostic.code is Code.CHOICE_OPTION and "=" not in (diagnostic.path or "")
             where = at[: at.index(path) + 1] if astray else at
-            self.say_once(Code.VARIANT_VALUE, diagnostic, path, where, format_path(where), key=astray)
-        return not wrong
+            self.report_once(Code.VARIANT_VALUE, diagnostic, path, where, format_path(where), key=astray)
+        return not errors
 
     def texts(self, places: Mapping[str, Path]) -> dict[str, str]:
         """Return the source texts of scalar values in the variants document. `places` maps names to the key paths of the values.
@@ -322,7 +321,7 @@ class _Planner:
         nodes = ((name, node_at(self.document.tree, place)) for name, place in places.items())
         return {name: node.text for name, node in nodes if isinstance(node, ScalarNode)}
 
-    def firsts(self) -> dict[str, str]:
+    def first_texts(self) -> dict[str, str]:
         """Return the source text of the first value of each parameter and path.
 
         A setting can have a fixed value, values on an axis, or sampled values.
@@ -334,60 +333,60 @@ class _Planner:
         first.update({name: ("sample", "ranges", name, 0) for name in (self.spec.sample.ranges if self.spec.sample is not None else {})})
         return self.texts(first)
 
-    def made_wrong(self, texts: Mapping[str, str], beside: Mapping[str, str]) -> list[Diagnostic]:
-        """Return the errors that the settings `texts` cause in addition to the errors that the settings `beside` cause alone."""
-        wrong = self.trial({**beside, **texts})
-        others = self.trial(beside) if wrong else []
-        return [one for one in wrong if one not in others]
+    def added_errors(self, texts: Mapping[str, str], base: Mapping[str, str]) -> list[Diagnostic]:
+        """Return the errors that the settings `texts` add to the errors of the settings `base`."""
+        errors = self.errors_of({**base, **texts})
+        others = self.errors_of(base) if errors else []
+        return [error for error in errors if error not in others]
 
-    def trial(self, texts: Mapping[str, str]) -> list[Diagnostic]:
-        """Return the errors that settings cause in the assembly, alone or together with an enclosing assembly that a choice selects.
+    def errors_of(self, texts: Mapping[str, str]) -> list[Diagnostic]:
+        """Resolve the assembly with the settings `texts`, and return the errors that these settings cause.
 
-        The result does not include errors of the assembly itself. The result does not include invalid values of parameters, which are
-        reported elsewhere.
+        If another choice selects an enclosing assembly, also try its values, and return no errors if one attempt succeeds. The result omits
+        errors of the assembly itself, and invalid values of parameters, which `AxisParser` reports.
         """
-        known = self.tried.get(key := tuple(texts.items()))
+        known = self.errors_by_settings.get(key := tuple(texts.items()))
         if known is not None:
             return known
         parameters = {name: text for name, text in texts.items() if "." not in name}
-        own = {path: text for path, text in texts.items() if "." in path}
-        first: list[Diagnostic] | None = None
-        for around in self.around(own):
+        path_settings = {path: text for path, text in texts.items() if "." in path}
+        best: list[Diagnostic] | None = None
+        for enclosing in self.enclosing_choices(path_settings):
             trial = Report()
-            pipeline.model(self.environment, self.sources, Settings(parameters=parameters, choices={**around, **own}), trial)
-            wrong = [
-                one for one in trial.diagnostics
-                if one.severity is Severity.ERROR and one.code is not Code.PARAMETER_OPTION and one not in self.report.diagnostics
+            pipeline.model(self.environment, self.sources, Settings(parameters=parameters, choices={**enclosing, **path_settings}), trial)
+            errors = [
+                error for error in trial.diagnostics
+                if error.severity is Severity.ERROR and error.code is not Code.PARAMETER_OPTION and error not in self.report.diagnostics
             ]
-            if first is None or not wrong:
-                first = wrong
-            if not wrong:
+            if best is None or not errors:
+                best = errors
+            if not errors:
                 break
-        astray = {path for path in texts if any(one.path == f"{SET}{path}" for one in first or ())}
-        rest = {name: text for name, text in texts.items() if name not in astray}
-        if astray and rest:  # if a path is unknown, no setting is applied
-            first = [*(first or ()), *(one for one in self.trial(rest) if one not in (first or ()))]
-        self.tried[key] = first or []
-        return self.tried[key]
+        unknown_paths = {path for path in texts if any(error.path == f"{SET}{path}" for error in best or ())}
+        remaining = {name: text for name, text in texts.items() if name not in unknown_paths}
+        if unknown_paths and remaining:  # if a path is unknown, no setting is applied
+            best = [*(best or ()), *(error for error in self.errors_of(remaining) if error not in (best or ()))]
+        self.errors_by_settings[key] = best or []
+        return self.errors_by_settings[key]
 
-    def say_once(self, code: Code, diagnostic: Diagnostic, path: str, at: Path, shown: str, *, key: bool) -> None:
+    def report_once(self, code: Code, diagnostic: Diagnostic, path: str, at: Path, display_path: str, *, key: bool) -> None:
         """Report an error that a setting causes in the assembly, at the location of the setting in the variants document.
 
         For each path, the same message is reported only once.
         """
-        if (path, diagnostic.message) in self.said:
+        if (path, diagnostic.message) in self.reported:
             return
-        self.said.add((path, diagnostic.message))
+        self.reported.add((path, diagnostic.message))
         notes = list(diagnostic.notes)
         if diagnostic.span is not None:
             notes.append(Note(message="defined here in the assembly", span=diagnostic.span))
         self.report.add(
-            code, diagnostic.message, self.document.span(at, key=key), help=diagnostic.help, path=shown,
+            code, diagnostic.message, self.document.span(at, key=key), help=diagnostic.help, path=display_path,
             notes=[note for note in notes if note.span is not None],
         )
 
-    def around(self, paths: Iterable[str]) -> Iterator[dict[str, str]]:
-        """Yield an empty set of choices, and then each choice that selects an assembly for a component on one of the paths."""
+    def enclosing_choices(self, paths: Iterable[str]) -> Iterator[dict[str, str]]:
+        """Yield an empty mapping, and then a mapping with each single choice that selects an assembly for a component on one of `paths`."""
         yield {}
         root = self.sources.documents.root.relative
         for other, raw in self.spec.choices.items():
@@ -398,42 +397,44 @@ class _Planner:
 
     def read_listed(self, reader: AxisParser, fixed: Setting, root: str) -> tuple[Setting, ...]:
         """Return the settings of all variants that the document lists explicitly, and report invalid settings."""
-        met: dict[str, int] = {}
-        made: list[Setting] = []
+        name_indices: dict[str, int] = {}
+        settings: list[Setting] = []
         for index, entry in enumerate(self.spec.list_):
             at: Path = ("list", index)
-            said = len(self.report.diagnostics)
+            error_count = len(self.report.diagnostics)
             chosen = dict(fixed.choices)
             for path, text in entry.choices.items():
                 named = self.rebase_choice(path, text, root)
                 if _key(path) == "assembly" and not self.document_exists(text, (*at, "choices", path)):
                     continue
-                if self.possible(path, named, (*at, "choices", path)):
+                if self.is_valid_choice(path, named, (*at, "choices", path)):
                     chosen[path] = named
-            self.beside = {**{name: text for name, text in self.firsts().items() if name in fixed.parameters}, **chosen}
+            self.other_settings = {**{name: text for name, text in self.first_texts().items() if name in fixed.parameters}, **chosen}
             values: dict[str, ExpressionValue] = dict(fixed.parameters)
             for name, raw in entry.parameters.items():
                 value = reader.value(name, raw, (*at, "parameters", name))
                 if value is not None:
                     values[name] = value
-            if entry.name is not None and entry.name in met:
+            if entry.name is not None and entry.name in name_indices:
                 self.report.add(
                     Code.NAME_CLASH, f"two variants are named `{entry.name}`", self.document.span((*at, "name")),
                     help="rename one of the two variants", path=format_path((*at, "name")),
-                    notes=[Note(message="the other variant is defined here", span=self.document.span(("list", met[entry.name], "name")))],
+                    notes=[Note(
+                        message="the other variant is defined here", span=self.document.span(("list", name_indices[entry.name], "name")),
+                    )],
                 )
             elif entry.name is not None:
-                met[entry.name] = index
+                name_indices[entry.name] = index
             setting = Setting(name=entry.name, parameters=values, choices=chosen)
-            same = next((k for k, one in enumerate(made) if (one.parameters, one.choices) == (values, chosen)), None)
-            if same is not None and len(self.report.diagnostics) == said:
+            duplicate = next((k for k, other in enumerate(settings) if (other.parameters, other.choices) == (values, chosen)), None)
+            if duplicate is not None and len(self.report.diagnostics) == error_count:
                 self.report.warn(
                     Code.DUPLICATE_VARIANT, "this variant is listed twice and built once", self.document.span(at),
                     help="remove one of the two entries",
-                    path=format_path(at), notes=[Note(message="also listed here", span=self.document.span(("list", same)))],
+                    path=format_path(at), notes=[Note(message="also listed here", span=self.document.span(("list", duplicate)))],
                 )
-            made.append(setting)
-        return tuple(made)
+            settings.append(setting)
+        return tuple(settings)
 
     def sample(self, reader: AxisParser) -> tuple[Method | None, int, int]:
         """Return the sampling method, the number of samples and the seed.
@@ -445,8 +446,8 @@ class _Planner:
             return None, 0, 0
         count = reader.count(sample.count, ("sample", "count"), least=1, most=MOST)
         seed = reader.count(sample.seed, ("sample", "seed"), least=0, most=2**31 - 1)
-        many = any(isinstance(raw, list) and len(raw) > 1 for raw in (*self.spec.parameters.values(), *self.spec.choices.values()))
-        if not sample.ranges and not many and not any(not isinstance(raw, list) and hasattr(raw, "count")
+        has_axes = any(isinstance(raw, list) and len(raw) > 1 for raw in (*self.spec.parameters.values(), *self.spec.choices.values()))
+        if not sample.ranges and not has_axes and not any(not isinstance(raw, list) and hasattr(raw, "count")
                                                       for raw in self.spec.parameters.values()):
             self.error(Code.VARIANT_VALUE, "`sample` has no values to draw from", ("sample",), "add `ranges: {NAME: [smallest, largest]}`")
         return sample.method, count or 0, seed or 0
@@ -479,8 +480,8 @@ class _Planner:
         from thingc.driver.up_to_date import state_of
 
         digests = {
-            path if os.path.lexists(os.path.join(self.workspace.root, path)) else OUTSIDE + path: one.sha256  # a document of a package
-            for path, one in self.sources.documents.by_path.items()
+            path if os.path.lexists(os.path.join(self.workspace.root, path)) else OUTSIDE + path: document.sha256  # a document of a package
+            for path, document in self.sources.documents.by_path.items()
         }
         for path in sorted(self.environment.parts.inputs):
             name = self.workspace.relative(path) if self.workspace.contains(path) else OUTSIDE + os.path.basename(path)
