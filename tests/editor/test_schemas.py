@@ -16,7 +16,6 @@ import yaml
 from jsonschema_specifications import REGISTRY
 
 from editor.running import ROOT, thingc
-from thingc.tools.cli.main import main
 
 PLAIN = """\
 thingc: assembly/1
@@ -215,16 +214,6 @@ def test_schema_of_a_single_document(small: Path, shared_store: str) -> None:
     (small / "other.yaml").write_text(PLAIN.replace("small", "other"))
     assert thingc(small, shared_store, "schema", "other.yaml") == ".thingc/schema: schemas of 1 document: 1 written, 0 unchanged\n"
     assert not (small / ".thingc/schema/small.yaml.json").exists()
-
-
-@pytest.mark.parametrize("option", ["--watch", "--no-wire"])
-def test_removed_options_name_their_replacement(small: Path, option: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(small)
-        assert main(["schema", option]) != 0
-    error = capsys.readouterr().err
-    assert f"error[TC801]: `{option}` was removed" in error and "use `thingc lsp`, or run `thingc schema` after every save" in error
-    assert not (small / ".thingc").exists()
 
 
 def test_other_files_and_workspaces_are_ignored(small: Path, shared_store: str) -> None:

@@ -352,13 +352,13 @@ class Diagnostic(OneLineRepr, FrozenStruct):
 
 
 class UserError(Exception):
-    """Raised for an error that the user can fix, such as a wrong command line. `diagnostic` describes the error, without a location."""
+    """Raised for an error that the user can fix, such as a wrong command line. `diagnostic` describes the error."""
 
     code: Code = Code.COMMAND_LINE
 
-    def __init__(self, message: str, hint: Hint | None = None, code: Code | None = None) -> None:
+    def __init__(self, message: str, hint: Hint | None = None, code: Code | None = None, span: Span | None = None) -> None:
         super().__init__(message)
-        self.diagnostic = Diagnostic(code=code or self.code, severity=Severity.ERROR, message=message, help=text_of(hint))
+        self.diagnostic = Diagnostic(code=code or self.code, severity=Severity.ERROR, message=message, help=text_of(hint), span=span)
 
 
 class Allowance(FrozenStruct, eq=False):

@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from thingc.base.diagnostics import Code, Diagnostic, Severity
+from thingc.base.diagnostics import Code, UserError
 from thingc.base.inertia import total
 from thingc.base.memo import Memo
 from thingc.base.numeric import dist, inf, maximum, minimum
@@ -55,13 +55,10 @@ All other kinds of document tests do not measure numbers that change smoothly.
 """
 
 
-class UnknownMount(Exception):
-    """Raised if a referenced mount does not exist. `text` is the reference to the mount in the document, and `diagnostic` is the error."""
+class UnknownMount(UserError):
+    """Raised if a referenced mount does not exist."""
 
-    def __init__(self, text: str, known: Sequence[str]) -> None:
-        super().__init__(text)
-        message, help = f"there is no mount `{text}`", did_you_mean(text, known, what="mounts")
-        self.diagnostic = Diagnostic(code=Code.RESULT, severity=Severity.ERROR, message=message, help=str(help))
+    code = Code.RESULT
 
 
 def measure(
@@ -204,7 +201,7 @@ def _mount(assembly: Assembly, text: str) -> tuple[int, str]:
             return occurrence.index, words[-1]
     known = [one.path.replace("/", ".") for one in assembly.exported]
     known += [f"{one.path}.{mount}".replace("/", ".") for one in assembly.occurrences for mount in one.mounts if one.path == owner]
-    raise UnknownMount(text, known)
+    raise UnknownMount(f"there is no mount `{text}`", did_you_mean(text, known, what="mounts"))
 
 
 def _site(assembly: Assembly, text: str) -> tuple[str, tuple[int, str]]:

@@ -14,6 +14,7 @@ import posixpath
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from graphlib import TopologicalSorter
 from typing import Any
 
 from thingc.base.diagnostic_output import as_text
@@ -276,20 +277,10 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         Each name follows all parameters that its expression uses.
         """
         raw = {name: entry.value if isinstance(entry, ParameterSpec) else entry for name, entry in self.assembly_spec.parameters.items()}
-        ordered: dict[str, Expression | None] = {}
-
-        def visit(name: str) -> None:
-            if name in ordered or name not in raw:
-                return
-            entry = raw[name]
-            expression = entry if isinstance(entry, Expression) else None
-            for use in expression.names if expression is not None else ():
-                visit(use.name)
-            ordered[name] = expression
-
-        for name in raw:
-            visit(name)
-        return (*ordered.items(), *((path, self.paths.expressions.get(path)) for path in self.paths.kinds))
+        expressions = {name: entry for name, entry in raw.items() if isinstance(entry, Expression)}
+        uses = {name: [use.name for use in expressions[name].names] if name in expressions else () for name in raw}
+        ordered = [(name, expressions.get(name)) for name in TopologicalSorter(uses).static_order() if name in raw]
+        return (*ordered, *((path, self.paths.expressions.get(path)) for path in self.paths.kinds))
 
     @cached_property
     def _literal_values(self) -> dict[str, Value]:

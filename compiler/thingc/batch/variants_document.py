@@ -32,61 +32,6 @@ from thingc.model.resolve.resolver import Settings, Sources
 from thingc.model.resolve.types import AssemblyDefinition
 
 
-def targets_of(document: Document, spec: VariantsSpec, report: Report) -> tuple[str, ...]:
-    """Return the targets under `emit` in the document, in the order in which a build writes them. Report unknown targets as errors."""
-    from thingc.targets.registry import parse_targets, unknown
-
-    for index, message, hint in unknown(spec.emit):
-        report.add(Code.VARIANT_TARGET, message, document.span(("emit", index)), help=hint, path=f"emit[{index}]")
-    return parse_targets(spec.emit) if spec.emit else ()
-
-
-def check_names(document: Document, spec: VariantsSpec, model: AssemblyDefinition, report: Report) -> None:
-    """Report modes, poses and mounts in the variants document that do not exist in the assembly."""
-    modes = [mode.name for mode in model.modes]
-    for index, name in enumerate(spec.modes):
-        if name not in modes:
-            report.add(
-                Code.UNKNOWN_MODE, f"`{model.name}` has no mode `{name}`", document.span(("modes", index)),
-                help=did_you_mean(name, modes, what="modes"), path=f"modes[{index}]",
-            )
-    poses = [pose.name for pose in model.poses]
-    if spec.pose is not None and spec.pose not in poses:
-        report.add(
-            Code.UNKNOWN_POSE, f"`{model.name}` has no pose `{spec.pose}`", document.span(("pose",)),
-            help=did_you_mean(spec.pose, poses, what="poses"), path="pose",
-        )
-    if spec.reach is None or any(path.endswith(".assembly") for path in spec.choices):
-        return
-    for key, text in (("of", spec.reach.of), ("from", spec.reach.from_)):
-        missing = _missing(model, text.split("."))
-        if missing is not None:
-            name_part, known, kind = missing
-            report.add(
-                Code.UNKNOWN_COMPONENT if kind == "components" else Code.UNKNOWN_MOUNT,
-                f"there is no {'component' if kind == 'components' else 'mount'} `{shorten(name_part)}` here",
-                document.span(("reach", key)), help=did_you_mean(name_part, known, what=kind), path=f"reach.{key}",
-            )
-
-
-def check_margin(document: Document, spec: VariantsSpec, model: AssemblyDefinition, rules: Sequence[Rule], report: Report) -> None:
-    """Report rules on the torque margin if the robot has closed loops in the mode of the results.
-
-    The distribution of loads in closed loops is unknown, so such a robot has no torque margin.
-    """
-    mode_name = spec.modes[0] if spec.modes else model.modes[0].name
-    mode = next((mode for mode in model.modes if mode.name == mode_name), None)
-    if mode is None or not (mode.holds or any(joint.loop for joint in model.joints)):
-        return
-    for index, expression in enumerate(spec.keep):
-        rule = next((rule for rule in rules if rule.expression is expression), None)
-        if rule is not None and "torque_margin" in rule.names.values():
-            report.add(
-                Code.RESULT, f"`torque_margin` is undefined in mode `{mode.name}`: its loops make the efforts of the drives ambiguous",
-                document.span(("keep", index)), help="put another mode first under `modes`, or remove the rule", path=f"keep[{index}]",
-            )
-
-
 def moving_joints(model: AssemblyDefinition, prefix: str = "") -> Iterator[str]:
     """Yield the paths of all joints that can move, including the joints of nested documents."""
     for name in dict.fromkeys(joint.name.joint for joint in model.joints if joint.kind.moves):
@@ -192,9 +137,9 @@ class _Planner:
             self.document, self.spec.keep, {**parameter_values, **paths.kinds}, [name.replace("/", ".") for name in moving_joints(model)],
             reach=self.spec.reach is not None, report=self.report,
         )
-        emit = targets_of(self.document, self.spec, self.report)
-        check_names(self.document, self.spec, model, self.report)
-        check_margin(self.document, self.spec, model, rules, self.report)
+        emit = self.targets()
+        self.check_names(model)
+        self.check_margin(model, rules)
         if self.report.failed:
             return None
         return Plan(
@@ -416,13 +361,10 @@ class _Planner:
                 if value is not None:
                     values[name] = value
             if entry.name is not None and entry.name in name_indices:
-                self.report.add(
-                    Code.NAME_CLASH, f"two variants are named `{entry.name}`", self.document.span((*at, "name")),
-                    help="rename one of the two variants", path=format_path((*at, "name")),
-                    notes=[Note(
-                        message="the other variant is defined here", span=self.document.span(("list", name_indices[entry.name], "name")),
-                    )],
-                )
+                where = self.document.span(("list", name_indices[entry.name], "name"))
+                message, help = f"two variants are named `{entry.name}`", "rename one of the two variants"
+                note = Note(message="the other variant is defined here", span=where)
+                self.error(Code.NAME_CLASH, message, (*at, "name"), help, [note])
             elif entry.name is not None:
                 name_indices[entry.name] = index
             setting = Setting(name=entry.name, parameters=values, choices=chosen)
@@ -446,9 +388,8 @@ class _Planner:
             return None, 0, 0
         count = reader.count(sample.count, ("sample", "count"), least=1, most=MOST)
         seed = reader.count(sample.seed, ("sample", "seed"), least=0, most=2**31 - 1)
-        has_axes = any(isinstance(raw, list) and len(raw) > 1 for raw in (*self.spec.parameters.values(), *self.spec.choices.values()))
-        if not sample.ranges and not has_axes and not any(not isinstance(raw, list) and hasattr(raw, "count")
-                                                      for raw in self.spec.parameters.values()):
+        settings = (*self.spec.parameters.values(), *self.spec.choices.values())
+        if not sample.ranges and not any(isinstance(raw, AxisSpec) or isinstance(raw, list) and len(raw) > 1 for raw in settings):
             self.error(Code.VARIANT_VALUE, "`sample` has no values to draw from", ("sample",), "add `ranges: {NAME: [smallest, largest]}`")
         return sample.method, count or 0, seed or 0
 
@@ -464,11 +405,55 @@ class _Planner:
         if self.spec.sample is not None or count <= MOST:
             return True
         product = " x ".join(str(size) for _, size in sizes) if len(sizes) < 10 else f"{len(sizes)} axes"
-        self.report.add(
-            Code.VARIANT_VALUE, f"the grid has {count} variants ({product}), but a batch can have at most {MOST}",
-            self.document.span((sizes[0][0],), key=True), help="use fewer values, or draw variants with `sample:`", path=sizes[0][0],
-        )
+        message = f"the grid has {count} variants ({product}), but a batch can have at most {MOST}"
+        self.error(Code.VARIANT_VALUE, message, (sizes[0][0],), "use fewer values, or draw variants with `sample:`", key=True)
         return False
+
+    # --- targets and names --------------------------------------------------------------------------------------------
+
+    def targets(self) -> tuple[str, ...]:
+        """Return the targets under `emit` in the document, in the order in which a build writes them. Report unknown targets as errors."""
+        from thingc.targets.registry import parse_targets, unknown
+
+        for index, message, hint in unknown(self.spec.emit):
+            self.error(Code.VARIANT_TARGET, message, ("emit", index), hint)
+        return parse_targets(self.spec.emit) if self.spec.emit else ()
+
+    def check_names(self, model: AssemblyDefinition) -> None:
+        """Report modes, poses and mounts in the variants document that do not exist in the assembly."""
+        spec = self.spec
+        modes, poses = [mode.name for mode in model.modes], [pose.name for pose in model.poses]
+        for index, name in enumerate(spec.modes):
+            if name not in modes:
+                hint = did_you_mean(name, modes, what="modes")
+                self.error(Code.UNKNOWN_MODE, f"`{model.name}` has no mode `{name}`", ("modes", index), hint)
+        if spec.pose is not None and spec.pose not in poses:
+            hint = did_you_mean(spec.pose, poses, what="poses")
+            self.error(Code.UNKNOWN_POSE, f"`{model.name}` has no pose `{spec.pose}`", ("pose",), hint)
+        if spec.reach is None or any(path.endswith(".assembly") for path in spec.choices):
+            return
+        for key, text in (("of", spec.reach.of), ("from", spec.reach.from_)):
+            missing = _missing(model, text.split("."))
+            if missing is not None:
+                name_part, known, kind = missing
+                code = Code.UNKNOWN_COMPONENT if kind == "components" else Code.UNKNOWN_MOUNT
+                message = f"there is no {kind.removesuffix('s')} `{shorten(name_part)}` here"
+                self.error(code, message, ("reach", key), did_you_mean(name_part, known, what=kind))
+
+    def check_margin(self, model: AssemblyDefinition, rules: Sequence[Rule]) -> None:
+        """Report rules on the torque margin if the robot has closed loops in the mode of the results.
+
+        The distribution of loads in closed loops is unknown, so such a robot has no torque margin.
+        """
+        mode_name = self.spec.modes[0] if self.spec.modes else model.modes[0].name
+        mode = next((mode for mode in model.modes if mode.name == mode_name), None)
+        if mode is None or not (mode.holds or any(joint.loop for joint in model.joints)):
+            return
+        of_margin = [rule.expression for rule in rules if "torque_margin" in rule.names.values()]
+        message = f"`torque_margin` is undefined in mode `{mode.name}`: its loops make the efforts of the drives ambiguous"
+        for index, expression in enumerate(self.spec.keep):
+            if any(expression is one for one in of_margin):
+                self.error(Code.RESULT, message, ("keep", index), "put another mode first under `modes`, or remove the rule")
 
     # --- inputs ------------------------------------------------------------------------------------------------------
 
@@ -490,9 +475,11 @@ class _Planner:
                 digests.setdefault(name, state)
         return dict(sorted(digests.items()))
 
-    def error(self, code: Code, message: str, path: Path, help: Hint | None = None) -> None:
-        """Report an error at the location of a value in the variants document."""
-        self.report.add(code, message, self.document.span(path), help=help, path=format_path(path), severity=Severity.ERROR)
+    def error(
+        self, code: Code, message: str, path: Path, help: Hint | None = None, notes: Sequence[Note] = (), *, key: bool = False,
+    ) -> None:
+        """Report an error at the location of a value in the variants document, or of its key."""
+        self.report.add(code, message, self.document.span(path, key=key), help=help, path=format_path(path), notes=notes)
 
 
 def _key(path: str) -> str:

@@ -28,8 +28,6 @@ from thingc.geometry.lock.lock import read_lock
 from thingc.tools.cli import console
 from thingc.tools.schemas.refresh_schemas import SCHEMAS, Schemas
 
-REMOVED = "use `thingc lsp`, or run `thingc schema` after every save and write the paths of the schemas into the documents (see --help)"
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc schema` to the parser."""
@@ -37,16 +35,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "place", metavar="FOLDER|DOC", nargs="*", default=["."],
         help="a document, or a folder of a workspace (for all documents in it) (default: the working folder)",
     )
-    for removed in ("--watch", "--no-wire"):
-        parser.add_argument(removed, action="append_const", dest="removed", const=removed, help=argparse.SUPPRESS)
     parser.add_argument("--no-model", action="store_true", help="do not start the CAD kernel; use only cached parts")
     console.add_geometry(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc schema`. The schema of a document with errors contains the names from the valid part of the document."""
-    for option in arguments.removed or ():
-        raise console.WrongCommandLine(f"`{option}` was removed", REMOVED)
     report = Report()
     options = console.options_of(arguments)
     for workspace, only in _workspaces(arguments.place, report):

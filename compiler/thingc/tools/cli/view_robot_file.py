@@ -16,7 +16,6 @@ from thingc.base.source import Document, Span
 from thingc.documents.workspace import Workspace
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
-from thingc.driver.up_to_date import state_of
 from thingc.targets.html.emit import Page, page_of
 from thingc.tools.cli import console, robot_files, signals
 from thingc.tools.importing.import_request import ImportRequest
@@ -29,7 +28,7 @@ from thingc.tools.live.server import Server, findings_of
 def view_robot_file(arguments: argparse.Namespace, options: Options, server: Server) -> int:
     """Serve the page of a robot file until Ctrl-C. Return the exit code, which is 2 if the file cannot be opened."""
     source, path = robot_files.import_request(arguments), arguments.document
-    watched = FileWatcher([path], content=state_of)
+    watched = FileWatcher(path)
     signals.install_handlers(ignored=True)
     first = True
     with server, suppress(KeyboardInterrupt):

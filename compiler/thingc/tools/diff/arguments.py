@@ -9,12 +9,12 @@ from typing import Literal
 from thingc.base.diagnostics import UserError
 from thingc.base.filesystem import listing
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.suggestions import did_you_mean
+from thingc.base.suggestions import Hint, did_you_mean
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES
 from thingc.geometry.lock.lock import LOCK_FILE
 from thingc.targets.artifact import MANIFEST
 from thingc.tools.affected.dependents import NotARepository
-from thingc.tools.diff.revisions import Repository, UnknownRevision
+from thingc.tools.diff.revisions import Repository
 from thingc.tools.importing.import_request import ENDINGS
 
 SideKind = Literal["document", "build", "lock", "model", "revision", "checkout"]
@@ -121,16 +121,18 @@ def _sides(word: str) -> list[Side]:
 
 
 def _revision(word: str) -> Side:
+    hint: Hint
     try:
-        commit = Repository.of(os.getcwd()).commit(word)
-    except (NotARepository, UnknownRevision) as fault:
-        if word.lower().endswith((*DOCUMENT_SUFFIXES, ".json")):
-            folder = os.path.dirname(word)
-            names = [os.path.join(folder, name) for name in listing(folder or ".") if name.lower().endswith(DOCUMENT_SUFFIXES)]
-            raise UnknownComparison(f"there is no document `{word}`", did_you_mean(word, names, what="documents")) from None
-        if isinstance(fault, NotARepository):
-            message = f"`{word}` is not a file, a folder or a revision: {fault}"
-            raise UnknownComparison(message, "use two documents, or run this in a Git repository") from fault
-        hint = did_you_mean(word, [*fault.names, "HEAD"], what="revisions")
-        raise UnknownComparison(f"there is no revision, document or build folder `{word}`", hint) from None
-    return Side(kind="revision", name=word, place=commit)
+        repository = Repository.of(os.getcwd())
+        if (commit := repository.commit(word)) is not None:
+            return Side(kind="revision", name=word, place=commit)
+        message = f"there is no revision, document or build folder `{word}`"
+        hint = did_you_mean(word, [*repository.names(), "HEAD"], what="revisions")
+    except NotARepository as fault:
+        message = f"`{word}` is not a file, a folder or a revision: {fault}"
+        hint = "use two documents, or run this in a Git repository"
+    if word.lower().endswith((*DOCUMENT_SUFFIXES, ".json")):
+        folder = os.path.dirname(word)
+        names = [os.path.join(folder, name) for name in listing(folder or ".") if name.lower().endswith(DOCUMENT_SUFFIXES)]
+        message, hint = f"there is no document `{word}`", did_you_mean(word, names, what="documents")
+    raise UnknownComparison(message, hint)

@@ -28,14 +28,6 @@ _NAMED = re.compile(rb"[^\s\"'\[\]{},:]+\.(?:ya?ml|toml|step|stp|brep|brp|stl|3m
 _LINK = "120000"
 
 
-class UnknownRevision(Exception):
-    """Raised if a git revision does not exist. `names` are the branches and tags that exist."""
-
-    def __init__(self, name: str, names: tuple[str, ...]) -> None:
-        super().__init__(name)
-        self.names = names
-
-
 class Repository(OneLineRepr, FrozenStruct):
     """A git repository with a checkout. `top` is the absolute path of the checkout.
 
@@ -50,13 +42,16 @@ class Repository(OneLineRepr, FrozenStruct):
         """Return the git repository that contains `folder`. Raises `NotARepository`."""
         return Repository(top=os.path.realpath(git(folder, "rev-parse", "--show-toplevel").rstrip("\n")), trusted=trusted)
 
-    def commit(self, name: str) -> str:
-        """Return the hash of the commit to which a git revision, such as a branch or tag, refers. Raises `UnknownRevision`."""
+    def commit(self, name: str) -> str | None:
+        """Return the hash of the commit to which a git revision refers, such as a branch or tag, or None if it does not exist."""
         try:
             return git(self.top, "rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}").strip()
         except NotARepository:
-            names = git(self.top, "for-each-ref", "--format=%(refname:short)", "refs/heads", "refs/remotes", "refs/tags").split("\n")
-            raise UnknownRevision(name, tuple(one for one in names if one)) from None
+            return None
+
+    def names(self) -> list[str]:
+        """Return the names of all branches and tags."""
+        return git(self.top, "for-each-ref", "--format=%(refname:short)", "refs/heads", "refs/remotes", "refs/tags").split()
 
     def common(self, old: str, new: str) -> str:
         """Return the merge base of two commits, given by their hashes. Raises `NotARepository` if they have no merge base."""

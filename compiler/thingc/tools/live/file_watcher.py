@@ -13,6 +13,8 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
+from thingc.driver.up_to_date import state_of
+
 Seen = TypeVar("Seen")
 
 Stat = tuple[int, int, int] | None
@@ -51,15 +53,10 @@ def looks(look: Callable[[], Seen], stop: threading.Event, pause: float) -> Iter
 
 
 class FileWatcher:
-    """Detects which files and folders have changed since the last call of `take_changes`. The files and folders need not exist.
+    """Detects which files and folders have changed since the last call of `take_changes`. The files and folders need not exist."""
 
-    If `content` is given, a path counts as changed only if the value of `content(path)` has changed. `content` must return equal values for
-    equal contents of a path.
-    """
-
-    def __init__(self, paths: Iterable[str] = (), content: Callable[[str], object] | None = None) -> None:
-        self._content = content
-        self._seen: dict[str, tuple[Stat, object]] = {}
+    def __init__(self, *paths: str) -> None:
+        self._seen: dict[str, tuple[Stat, str | None]] = {}
         self.note(paths)
 
     @property
@@ -71,7 +68,7 @@ class FileWatcher:
         """Watch these paths in addition to the paths that are already watched."""
         for path in paths:
             if path not in self._seen:
-                self._seen[path] = self._state(path, stat_of(path))
+                self._seen[path] = stat_of(path), state_of(path)
 
     def only(self, paths: Iterable[str]) -> None:
         """Watch only these paths from now on. Paths that were already watched are compared with the state that was recorded before."""
@@ -82,13 +79,10 @@ class FileWatcher:
     def take_changes(self) -> tuple[str, ...]:
         """Return the watched paths that have changed since the last call of this method."""
         changed: list[str] = []
-        for path, (stat, content) in self._seen.items():
+        for path, (stat, state) in self._seen.items():
             now = stat_of(path)
             if now != stat:
-                self._seen[path] = self._state(path, now)
-                if self._content is None or self._seen[path][1] != content:
+                self._seen[path] = now, state_of(path)
+                if self._seen[path][1] != state:
                     changed.append(path)
         return tuple(changed)
-
-    def _state(self, path: str, stat: Stat) -> tuple[Stat, object]:
-        return stat, self._content(path) if self._content is not None else None

@@ -24,7 +24,6 @@ from thingc.driver import build_document, pipeline, up_to_date
 from thingc.driver.build_document import BuildRequest, BuildResult
 from thingc.driver.environment import Environment, Options, geometry_of
 from thingc.driver.output import Waiting
-from thingc.driver.up_to_date import state_of
 from thingc.geometry.client import Workers
 from thingc.geometry.service import GeometryService
 from thingc.geometry.store.local import BlobMissing, Store
@@ -102,7 +101,7 @@ class RebuildLoop:
         self._memo = Memo()
         self._geometry: GeometryService | None = None
         self._last_geometry: GeometryService | None = None
-        self._watched = FileWatcher([self.document], content=state_of)
+        self._watched = FileWatcher(self.document)
         self._last: Mapping[str, str] | None = None
         self._documents: frozenset[str] = frozenset()
         self._number = 0

@@ -16,7 +16,6 @@ from thingc.base.memo import Memo
 from thingc.documents.load.discovery import has_header
 from thingc.documents.workspace import OWN_FILE, Workspace
 from thingc.driver.environment import Options, geometry_of
-from thingc.driver.up_to_date import state_of
 from thingc.geometry.client import NoWorkers
 from thingc.geometry.lock.lock import read_lock
 from thingc.geometry.part_source import PartSource
@@ -72,7 +71,7 @@ class OpenDocuments:
         self._unanswered: dict[str, tuple[str, PendingRequests]] = {}
         self._workers: dict[str, BackgroundWorkers] = {}
         self._ended = threading.Event()
-        self._watched = FileWatcher(content=state_of)
+        self._watched = FileWatcher()
         threading.Thread(target=self._look, name="looking", daemon=True).start()
 
     # --- texts ---------------------------------------------------------------------------------------------------

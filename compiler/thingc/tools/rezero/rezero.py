@@ -81,7 +81,7 @@ def rezero(
             if (assembly := old[root.path].assembly) is not None:
                 check_calibration(documents[one.document.path], assembly, report)
     except CannotSetValue as fault:
-        return EditResult(found=(ShiftRefused(str(fault), "edit the document by hand", fault.span).diagnostic,))
+        return EditResult(found=(ShiftRefused(str(fault), "edit the document by hand", span=fault.span).diagnostic,))
     except ShiftRefused as refused:
         return EditResult(found=(refused.diagnostic,))
     if report.failed:
@@ -114,7 +114,8 @@ def _sound(document: str, options: Options) -> Compilation:
     compilation = _compile(document, options)
     error = next((one for one in compilation.report.sorted_diagnostics() if one.severity is Severity.ERROR), None)
     if error is not None:
-        raise ShiftRefused(f"error in `{shown_path(document)}`: {error.message}", error.help or "edit the document by hand", error.span)
+        message = f"error in `{shown_path(document)}`: {error.message}"
+        raise ShiftRefused(message, error.help or "edit the document by hand", span=error.span)
     return compilation
 
 
@@ -140,7 +141,7 @@ def _documents_with(root: Document, shifts: Sequence[JointShift]) -> Iterator[Do
             for keys, node in walk(documents.root.tree):
                 if any(f"joints.{shift.joint}." in str(keys[-1:]) for shift in shifts):
                     message = f"`{documents.root.relative}` may set values of these joints"
-                    raise ShiftRefused(message, "edit both documents by hand", node.span)
+                    raise ShiftRefused(message, "edit both documents by hand", span=node.span)
 
 
 def _check_unrelated(path: str, root: Document, report: Report) -> None:
@@ -153,7 +154,7 @@ def _check_unrelated(path: str, root: Document, report: Report) -> None:
         uses = False
     if uses:
         message = f"`{shown_path(path)}` may use `{root.relative}`: {error.message}"
-        raise ShiftRefused(message, error.help or "fix the file first", error.span)
+        raise ShiftRefused(message, error.help or "fix the file first", span=error.span)
 
 
 def _moved_joints(root: Document, compilation: Compilation, shift: JointShift) -> list[JointEdge]:
@@ -184,7 +185,7 @@ def _compare(document: Document, old: Compilation, new: Compilation, shift: Join
             apart = math.inf if after is None else _largest_difference(occurrence_poses(one, *before), occurrence_poses(other, *after))
             if apart > (CLOSED if one.closures else ALIKE):
                 message = f"the robot would change by {apart:.3g} in {f'pose `{pose}` of ' if pose else ''}mode `{one.mode.name}`"
-                raise ShiftRefused(message, f"set `{shift.joint}` in all poses first", document.span(("poses", pose) if pose else ()))
+                raise ShiftRefused(message, f"set `{shift.joint}` in all poses first", span=document.span(("poses", pose) if pose else ()))
 
 
 def _states(one: Robot, other: Robot, shift: JointShift, moved: Sequence[str]) -> Iterator[tuple[str, State, State | None]]:

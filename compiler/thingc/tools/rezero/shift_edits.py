@@ -9,7 +9,7 @@ from fractions import Fraction
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
+from thingc.base.diagnostics import UserError, shown_path
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, Path, ScalarNode, SequenceNode, Span, entries_of, node_at, text_of, walk
 from thingc.base.suggestions import did_you_mean
@@ -27,12 +27,8 @@ Edits = Iterator[tuple[Keys, str]]
 ZERO = ExactQuantity()
 
 
-class ShiftRefused(Exception):
+class ShiftRefused(UserError):
     """Raised if a document cannot be changed for a joint. `diagnostic` contains the reason and the location."""
-
-    def __init__(self, message: str, help: str, span: Span | None = None) -> None:
-        super().__init__(message)
-        self.diagnostic = Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=message, help=help, span=span)
 
 
 class JointShift(FrozenStruct):
@@ -54,16 +50,17 @@ def find_joint(document: Document, model: AssemblyDefinition, shift: JointShift)
         if rest and isinstance(inner, ScalarNode):
             message = f"joint `{rest}` is defined in `{inner.text}`, and the change would apply to every component that uses it"
             path = shown_path(os.path.normpath(os.path.join(os.path.dirname(document.path), inner.text)))
-            raise ShiftRefused(message, f"use `thingc rezero {path} {rest}=...`", inner.span)
+            raise ShiftRefused(message, f"use `thingc rezero {path} {rest}=...`", span=inner.span)
         if joint is None and written is None:
             help = did_you_mean(name, entries_of(node_at(document.tree, ("joints",))), what="joints")
-            raise ShiftRefused(f"there is no joint `{name}`", str(help))
-        raise ShiftRefused(f"`{name}` is repeated, or has several coordinates", "edit its values by hand", span)
+            raise ShiftRefused(f"there is no joint `{name}`", help)
+        raise ShiftRefused(f"`{name}` is repeated, or has several coordinates", "edit its values by hand", span=span)
     if joint.twist is None:
-        raise ShiftRefused(f"joint `{name}` is {joint.kind.name} and does not move", "choose a joint that moves", span)
+        raise ShiftRefused(f"joint `{name}` is {joint.kind.name} and does not move", "choose a joint that moves", span=span)
     expected = joint.twist.coordinate
     if shift.zero.value and shift.zero.dimension != expected:
-        raise ShiftRefused(f"the zero of joint `{name}` must be {expected.words}", f"write, for example, `{name}={expected.example}`", span)
+        help = f"write, for example, `{name}={expected.example}`"
+        raise ShiftRefused(f"the zero of joint `{name}` must be {expected.words}", help, span=span)
     return joint
 
 
@@ -120,7 +117,7 @@ class ShiftEdits:
         try:
             return read_quantity(text)
         except UnitError as fault:
-            raise ShiftRefused(f"`{text}` cannot be changed: {fault}", "edit the document by hand", span) from fault
+            raise ShiftRefused(f"`{text}` cannot be changed: {fault}", "edit the document by hand", span=span) from fault
 
     def _at(self, path: Path, default: ExactQuantity = ZERO) -> ExactQuantity:
         node = node_at(self.document.tree, path)
@@ -131,7 +128,7 @@ class ShiftEdits:
         quantity = self._at(path, default)
         if quantity.expression:
             message = f"`={quantity.expression}` depends on the coordinate of joint `{self.shift.joint}`"
-            raise ShiftRefused(message, "replace the expression by a number, or edit the document by hand", self.document.span(path))
+            raise ShiftRefused(message, "replace the expression by a number, or edit the document by hand", span=self.document.span(path))
         return quantity
 
     def _motion(self, joint: Joint) -> Edits:
@@ -148,7 +145,7 @@ class ShiftEdits:
             yield (*path, "reverse"), "false" if joint.reverse else "true"
         ends = {key: stated[f"limit.{key}"] for key in ("lower", "upper") if getattr(limit, key) is not None}
         if len(ends) == 1 and shift.sign < 0:
-            raise ShiftRefused(f"joint `{shift.joint}` has only one limit", "add the other limit first", joint.spans["limit"])
+            raise ShiftRefused(f"joint `{shift.joint}` has only one limit", "add the other limit first", span=joint.spans["limit"])
         for key, source in zip(ends, [*ends][:: shift.sign], strict=True):
             text = self._text(replace(self._shift(ends[source]), unit=ends[key].unit or ends[source].unit))
             if text != self._text(ends[key]):
@@ -162,7 +159,7 @@ class ShiftEdits:
         mimic = node_at(self.document.tree, path)
         if joint.name.number is not None or mimic is None or joint.mimic is None:
             span = self.document.span(path[:2] if mimic is None else path, key=True)
-            raise ShiftRefused(f"`{joint.name}` is repeated, or has several coordinates", "edit its `mimic` by hand", span)
+            raise ShiftRefused(f"`{joint.name}` is repeated, or has several coordinates", "edit its `mimic` by hand", span=span)
         terms = entries_of(mimic).get("polynomial")
         keys = [(*path, "offset"), (*path, "multiplier")]
         if isinstance(terms, SequenceNode):
@@ -258,7 +255,7 @@ class ShiftEdits:
                     continue
                 if key != name:
                     help, span = f"add a range of `{name}`", self.document.span(path, key=True)
-                    raise ShiftRefused(f"the range of joint `{name}` is set by the pattern `{key}`", help, span)
+                    raise ShiftRefused(f"the range of joint `{name}` is set by the pattern `{key}`", help, span=span)
                 ends = [self._at((*path, k)) for k in "01"][:: self.shift.sign]
                 yield from (((*path, k), self._text(self._shift(end))) for k, end in zip("01", ends, strict=True))
 
@@ -267,7 +264,7 @@ class ShiftEdits:
         for motion, node in entries_of(node_at(self.document.tree, ("motions",))).items():
             if "file" in entries_of(node):
                 message = f"the file of motion `{motion}` contains positions of joint `{self.shift.joint}`"
-                raise ShiftRefused(message, "remove the motion, and record it again", self.document.span(("motions", motion, "file")))
+                raise ShiftRefused(message, "remove the motion, and record it again", span=self.document.span(("motions", motion, "file")))
 
     def _check_raw(self) -> None:
         """Raise `ShiftRefused` if raw attributes of MuJoCo depend on the coordinate."""
@@ -277,7 +274,7 @@ class ShiftEdits:
             key = next((key for key in entries_of(node) if key in (OF_ZERO if self.shift.sign > 0 else OF_DIRECTION)), None)
             if key is not None and words & names:
                 message = f"the raw attribute `{key}` may depend on the coordinate of joint `{self.shift.joint}`"
-                raise ShiftRefused(message, "remove it, or edit the document by hand", self.document.span(("raw", *path, key)))
+                raise ShiftRefused(message, "remove it, or edit the document by hand", span=self.document.span(("raw", *path, key)))
 
 
 def calibration_edits(calibrated: Sequence[CalibratedJoint], shifts: Sequence[JointShift]) -> Edits:
