@@ -47,8 +47,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add(
         "side", metavar="SIDE", nargs="*",
-        help="the old and the new state (default: the working tree): documents, robot files of other formats, build folders, lock "
-        "files, or Git revisions (also OLD..NEW); to compare only some documents, list them after --",
+        help="the old state and the new state (default: the working tree); each is a document, a robot file of another format, a build "
+        "folder, a lock file or a Git revision (OLD..NEW also works); to compare only some documents, list them after --",
     )
     add(
         "--fail-on", metavar="WHAT", action="append", default=[],
