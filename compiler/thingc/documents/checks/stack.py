@@ -82,7 +82,7 @@ def read_stack(written: StackTest, reader: Reader) -> StackCheck | None:
     )
     share = None if written.yield_ is None else reader.number(written.yield_, "yield", NUMBER, above=0.0, most=1.0)
     if share == 1.0:
-        reader.error(Code.OUT_OF_RANGE, "`yield` must be below 100 %", "yield", help="to require that all robots are within the bounds, use `worst`")
+        reader.error(Code.OUT_OF_RANGE, "`yield` must be below 100 %", "yield", help="for all robots, use `worst` instead")
     if of is None or base is None or not length > 0.0:
         return None
     return StackCheck(
