@@ -43,7 +43,7 @@ from thingc.batch.folder import (
     write_batch,
 )
 from thingc.batch.folder_layout import Journal, Line
-from thingc.batch.job import STOPPED, Row, describe, digest_files, job_of
+from thingc.batch.job import STOPPED, Row, describe, digest_files, job_of, row
 from thingc.batch.packed_layout import PackedWriter, sealed_path
 from thingc.batch.page import parameter_columns, show, write_page
 from thingc.batch.pictures import OnPicture, usual
@@ -361,7 +361,7 @@ class _Batch:
         chunk.attempts += 1
         self.submitted.update((variant.index, variant) for variant in chunk.variants)
         if streaming:
-            future = engine.submit(evaluate, job, chunk.variants, self.run_options.timeout, lambda row: self.events.put(("row", row)))
+            future = engine.submit(evaluate, job, chunk.variants, self.run_options.timeout, lambda result: self.events.put(("row", result)))
         else:
             future = engine.submit(evaluate, job, chunk.variants, self.run_options.timeout)
         self.chunks[future] = chunk
@@ -378,8 +378,8 @@ class _Batch:
             return
         fault = content.exception() if not content.cancelled() else Cancelled()
         if fault is None:
-            for row in content.result():
-                self._record_result(journal, row)
+            for result in content.result():
+                self._record_result(journal, result)
             return
         if isinstance(fault, RunnersBroken):
             raise BatchFault(Code.RUNNERS, str(fault), "fix the reported problem, and continue with --resume", fault.detail)
@@ -392,9 +392,7 @@ class _Batch:
             return
         for variant in unfinished:
             message = f"the executor lost the variant {ATTEMPTS} times: {type(fault).__name__}: {' '.join(str(fault).split())}"
-            self._record_result(journal, {
-                "index": variant.index, "id": variant.id, "status": "failed", "code": Code.VARIANT_DIED.code, "message": message,
-            })
+            self._record_result(journal, row(variant, "failed", code=Code.VARIANT_DIED.code, message=message))
 
     def _record_result(self, journal: Journal | PackedWriter, row: Row) -> None:
         """Record the result of a variant in the journal. Ignore the new result if the variant already has a result."""

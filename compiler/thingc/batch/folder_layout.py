@@ -72,7 +72,7 @@ def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blo
             _make(fresh, path.rpartition("/")[0], made)
             target = f"{fresh}/{path}"
             if isinstance(content, StoredArtifact):
-                _share(folder, content, store, target)
+                _share(folder, content.sha256, store, target)
             else:
                 write_new(target, content)
         try:
@@ -137,41 +137,22 @@ def _make(fresh: str, folder: str, made: set[str]) -> None:
         made.add(folder)
 
 
-def _share(folder: str, content: StoredArtifact, store: Blobs, target: str) -> None:
-    """Create the file `target` as a hard link to the shared file with this content, or as a copy if links are not supported.
+def _share(folder: str, sha256: str, store: Blobs, target: str) -> None:
+    """Create the file `target` as a hard link to the shared file with this SHA-256, or as a copy if links are not supported.
 
     If the shared file does not exist, write the shared file first.
     """
-    asset = asset_path(folder, content.sha256)
-    full = False
+    keep_asset(folder, sha256, store)
     try:
-        os.link(asset, target)
-        return
-    except FileNotFoundError:
-        pass
+        os.link(asset_path(folder, sha256), target)
     except OSError as fault:
-        if fault.errno in (errno.EPERM, errno.ENOTSUP, errno.EXDEV, errno.ENOSYS):
-            write_new(target, store.read(content.sha256))
-            return
-        if fault.errno != errno.EMLINK:  # ext4 allows at most 65 000 links to a file: create another file
+        if fault.errno not in (errno.EMLINK, errno.EPERM, errno.ENOTSUP, errno.EXDEV, errno.ENOSYS):
             raise
-        full = True
-    fresh = os.path.join(folder, ASSETS, f"{NEW}{content.sha256}-{_OWN_END}")
-    write_new(fresh, store.read(content.sha256))
-    try:
-        if full:
-            os.link(fresh, target)
-            os.rename(fresh, asset)
-            return
-        with contextlib.suppress(FileExistsError):  # another runner has just created the asset: use its file
-            os.link(fresh, asset)
-        os.link(asset, target)
-    except OSError as fault:
-        if fault.errno not in (errno.EPERM, errno.ENOTSUP, errno.EXDEV, errno.ENOSYS):
-            raise
-        os.rename(fresh, target)
-    finally:
-        remove(fresh)
+        write_new(target, store.read(sha256))
+        if fault.errno == errno.EMLINK:  # ext4 allows at most 65 000 links to a file: later variants use the new file
+            fresh = os.path.join(folder, ASSETS, f"{NEW}{sha256}-{_OWN_END}")
+            os.link(target, fresh)
+            os.rename(fresh, asset_path(folder, sha256))
 
 
 def remove(path: str) -> None:
@@ -204,12 +185,10 @@ class Journal:
 
     def __init__(self, path: str) -> None:
         self.path = path
-        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | BINARY, 0o666)
-        try:
-            _mend(self._descriptor)
-        except BaseException:
-            os.close(self._descriptor)
-            raise
+        if os.path.exists(path):
+            with open(path, "rb+") as stream:
+                stream.truncate(sum(len(line) for line in stream if line.endswith(b"\n")))
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | BINARY, 0o666)
 
     def __enter__(self) -> Journal:
         return self
@@ -232,23 +211,6 @@ class Journal:
     def sync(self) -> None:
         """Write the journal to disk, so that it is not lost after a power failure."""
         os.fsync(self._descriptor)
-
-
-def _mend(descriptor: int) -> None:
-    """Remove the last line of a journal if it is incomplete."""
-    size = os.fstat(descriptor).st_size
-    keep = size
-    while keep > 0:
-        start = max(0, keep - 65536)
-        os.lseek(descriptor, start, os.SEEK_SET)
-        block = os.read(descriptor, keep - start)
-        at = block.rfind(b"\n")
-        if at >= 0:
-            keep = start + at + 1
-            break
-        keep = start
-    if keep != size:
-        os.ftruncate(descriptor, keep)
 
 
 def lines(path: str) -> Iterator[tuple[int, Line]]:

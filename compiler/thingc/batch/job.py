@@ -118,10 +118,7 @@ def job_of(plan: Plan, folder: str, options: Options, *, layout: str, verify: in
 
     `elsewhere` is True for runner processes on other machines, which have a different environment and working folder.
     """
-    store = options.store
-    if elsewhere:
-        store = store or os.environ.get("THINGC_STORE")
-        store = store if store is None or "://" in store else os.path.abspath(store)
+    store = store_here(options.store) if elsewhere else options.store
     rules = [rule for rule in plan.rules if rule.needs_results]
     return Job(
         assembly=plan.assembly, folder=folder, store=store, part_timeout=options.part_timeout,
@@ -133,6 +130,12 @@ def job_of(plan: Plan, folder: str, options: Options, *, layout: str, verify: in
         },
         emit=plan.emit, verify=verify, packed=layout == PACKED,
     )
+
+
+def store_here(store: str | None) -> str | None:
+    """Return the URL or the absolute path of a store. By default, the environment variable `THINGC_STORE` specifies the store."""
+    store = store or os.environ.get("THINGC_STORE") or None
+    return store if store is None or "://" in store else os.path.abspath(store)
 
 
 def _exponent(exponent: Any) -> float | int:

@@ -35,7 +35,7 @@ from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 from thingc.batch.engine import RUNNERS, Cancelled, RunnersBroken, evaluate
 from thingc.batch.folder import BatchFault
 from thingc.batch.folder_layout import SharedAssets, asset_path, keep_asset, write_variant
-from thingc.batch.job import STOPPED, Job, Row, refusal
+from thingc.batch.job import STOPPED, Job, Row, refusal, store_here
 from thingc.batch.packed_layout import FILES, SHARED, is_packed
 from thingc.batch.planning import Variant
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable
@@ -146,11 +146,10 @@ def _localize(job: str, place: WorkerFolder) -> str:
     decoded = Job.decode(job)
     work = os.path.join(place.folder, WORK)
     cwd = os.path.join(work, decoded.cwd) if decoded.cwd is not None else ""
-    store = decoded.store or os.environ.get("THINGC_STORE") or None
     return replace(
         decoded, assembly=os.path.join(work, decoded.assembly), folder=os.path.join(place.folder, OUT),
         cwd=cwd if os.path.isdir(cwd) else os.path.join(place.folder, ASIDE),
-        store=store if store is None or "://" in store else os.path.abspath(store),
+        store=store_here(decoded.store),
     ).encode()
 
 

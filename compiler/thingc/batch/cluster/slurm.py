@@ -23,6 +23,7 @@ from thingc.base.units import TIME, UnitError, parse_quantity
 from thingc.batch.cluster.protocol import Cluster, missing
 from thingc.batch.engine import LocalExecutor, RunnersBroken, evaluate
 from thingc.batch.folder import BatchFault
+from thingc.batch.job import Row
 from thingc.batch.planning import Variant
 
 T = TypeVar("T")
@@ -90,18 +91,19 @@ def _minutes(text: str) -> int:
     return max(1, math.ceil(quantity.value / 60.0))
 
 
-def run_chunk(width: int, job: str, tasks: Sequence[Variant], timeout: float) -> dict[str, Any]:
+def run_chunk(width: int, job: str, tasks: Sequence[Variant], timeout: float) -> list[Row] | RunnersBroken:
     """Build the variants of a chunk in `width` runner processes. This function runs in the SLURM job.
 
-    The function returns `{"rows": [...]}`, or `{"broken": message, "detail": ...}` if runner processes cannot be started.
+    The function returns the rows of results, or an exception if runner processes cannot be started. The library submitit would replace a
+    raised exception by another exception.
     """
     size = max(1, len(tasks) // (4 * width))
     with LocalExecutor(width) as executor:
         futures = [executor.submit(evaluate, job, tasks[k : k + size], timeout) for k in range(0, len(tasks), size)]
         try:
-            return {"rows": [row for future in futures for row in future.result()]}
+            return [row for future in futures for row in future.result()]
         except RunnersBroken as fault:
-            return {"broken": str(fault), "detail": fault.detail}
+            return fault
 
 
 @contextlib.contextmanager
@@ -214,7 +216,5 @@ class SlurmCluster(Cluster):
                     continue
                 if isinstance(answer, Exception):
                     future.set_exception(answer)
-                elif "broken" in answer:
-                    future.set_exception(RunnersBroken(answer["broken"], answer["detail"]))
                 else:
-                    future.set_result(answer["rows"])
+                    future.set_result(answer)
