@@ -14,11 +14,12 @@ import os
 import sys
 from functools import partial
 
-from thingc.base.diagnostics import Code, Diagnostic
+from thingc.base.diagnostics import Code
 from thingc.base.filesystem import write_whole
 from thingc.base.one_line_repr import format_count
-from thingc.driver import pipeline
-from thingc.driver.environment import Environment, with_environment
+from thingc.driver.environment import Environment
+from thingc.driver.pipeline import Compilation
+from thingc.model.assembly.types import Assembly
 from thingc.tools.calibration.calibration import read_calibration
 from thingc.tools.calibration.exports import EXPORTS, ExportRefused
 from thingc.tools.cli import console
@@ -39,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     console.require_document(arguments.document)
     console.require_document(arguments.calibration)
     _check_output(arguments)
-    found = with_environment(arguments.document, console.options_of(arguments), partial(_convert, arguments))
+    found, _ = console.compile_document(arguments, partial(_convert, arguments))
     return console.print_found(found, arguments.format, stream=sys.stderr, debug=arguments.debug)
 
 
@@ -52,20 +53,15 @@ def _check_output(arguments: argparse.Namespace) -> None:
         raise console.WrongCommandLine(f"-o: `{arguments.output}` is an input file", "choose another file with -o", Code.OUTPUT)
 
 
-def _convert(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
-    """Check the calibration, and write the output. Return the diagnostics. Raises `WrongCommandLine`."""
-    compilation = pipeline.compile(environment)
-    report = compilation.report
-    if compilation.assembly is None or report.failed:
-        return console.final(report, strict=arguments.strict)
-    calibration = read_calibration(arguments.calibration, compilation.assembly, report)
-    found = console.final(report, strict=arguments.strict)
-    if calibration is None or console.exit_code(found):
-        return found
+def _convert(arguments: argparse.Namespace, _: Environment, compilation: Compilation, assembly: Assembly) -> None:
+    """Check the calibration, and write the output. Raises `WrongCommandLine`."""
+    calibration = read_calibration(arguments.calibration, assembly, compilation.report)
+    if calibration is None or console.exit_code(console.final(compilation.report, strict=arguments.strict)):
+        return
     if arguments.emit is None:
         if arguments.format == "text":
             console.say(f"{arguments.calibration}: ok, {format_count(len(calibration.joints), 'motor')}")
-        return found
+        return
     try:
         text = EXPORTS[arguments.emit](calibration.joints, compilation.robots[0])
     except ExportRefused as fault:
@@ -75,4 +71,3 @@ def _convert(arguments: argparse.Namespace, environment: Environment) -> list[Di
             console.hand_on(text)
         else:
             write_whole(os.path.abspath(arguments.output), text.encode())
-    return found

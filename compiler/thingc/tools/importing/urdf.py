@@ -13,6 +13,7 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from typing import cast
 
 from msgspec.structs import replace
 
@@ -250,14 +251,11 @@ class _Urdf:
 
     def _joint(self, element: SourceElement, name: str, kind: str) -> source_model.SourceJoint | None:
         """Read a URDF joint. Return None for a fixed joint."""
-        moving: source_model.Kind
-        match kind:
-            case "revolute" | "continuous" | "prismatic" | "planar":
-                moving = kind
-            case "floating":
-                return source_model.SourceJoint(name=name, kind="free", axis=(0.0, 0.0, 1.0), where=element.where)
-            case _:
-                return None
+        if kind == "fixed":
+            return None
+        if kind == "floating":
+            return source_model.SourceJoint(name=name, kind="free", axis=(0.0, 0.0, 1.0), where=element.where)
+        moving = cast("source_model.Kind", kind)
         axis = self.values.one(element, "axis")
         direction = (1.0, 0.0, 0.0) if axis is None else self.values.direction(axis, "xyz", (1.0, 0.0, 0.0))
         mimic = self.values.one(element, "mimic")

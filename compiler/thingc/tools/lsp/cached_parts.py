@@ -296,11 +296,9 @@ class BackgroundWorkers:
             slices = {text: slicings for text, (_, _, slicings) in work.slices.items()}
             sliced = service.slice([definition for definition, _, _ in work.slices.values()], records, slices)
         except StoreUnusable as fault:
-            refused = {
-                text: PartFailure(subject=text, kind="invalid", message=f"the cache `{fault.root}` cannot be used: {fault.reason}")
-                for text in (*work.references, *work.definitions, *work.slices)
-            }
-            return {one: refused[one] for one in work.references}, {one: refused[one] for one in refused if one not in work.references}
+            failure = PartFailure(subject="", kind="invalid", message=f"the cache `{fault.root}` cannot be used: {fault.reason}")
+            undescribed = {text: replace(failure, subject=text) for text in work.references}
+            return undescribed, {text: replace(failure, subject=text) for text in (*work.definitions, *work.slices)}
         return (
             {name: answer for name, answer in described.items() if isinstance(answer, PartFailure)},
             {name: answer for name, answer in {**known, **sliced}.items() if isinstance(answer, PartFailure)},

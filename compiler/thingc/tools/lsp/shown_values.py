@@ -91,15 +91,12 @@ def format_values(values: tuple[ExpressionValue, ...]) -> str:
 def _worked_out(tree: MappingNode | None) -> dict[str, ExpressionValue]:
     waiting = {} if tree is None else {name: one.value for name, one in symbols_of(tree).parameters.items()}
     known: dict[str, ExpressionValue] = {}
-    growing = True
-    while growing:  # parameters can be in any order: each iteration evaluates parameters whose names are known
-        growing = False
-        for name, text in list(waiting.items()):
-            value = parse_expression_value(text, known)
-            if value is not None:
+    count = -1
+    while count < len(known):  # parameters can be in any order: each iteration evaluates parameters whose names are known
+        count = len(known)
+        for name, text in waiting.items():
+            if name not in known and (value := parse_expression_value(text, known)) is not None:
                 known[name] = value
-                del waiting[name]
-                growing = True
     return known
 
 
