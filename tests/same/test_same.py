@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import random
 import re
 import subprocess
@@ -15,7 +16,7 @@ import pytest
 from same.changes import KINDS, changed
 from same.study import EXACT, Subject, apart, mechanism, readable, subject, true_map
 from thingc.tools.cli.main import main
-from thingc.tools.same.comparison import compare_mechanisms
+from thingc.tools.same.comparison import MechanismComparison, compare_mechanisms
 
 ROBOTS = Path(__file__).resolve().parents[1] / "importing/robots"
 NAMES = ("blocks.urdf", "constructs.urdf", "constructs.xml", "cranks.xml", "floating.xml", "world.xml")
@@ -80,7 +81,7 @@ def test_disguised_robot_is_recognized_with_its_map(robots: dict[str, Subject], 
     disguise, _, model, other = readable(robot.graph, tmp_path, draw)
     assert compare_mechanisms(robot.original, other).same
     found = compare_mechanisms(robot.written, other)
-    assert found.same and found.limits == ()
+    assert found.same and found.properties == ()
     assert apart(robot, disguise, model, found, draw) < EXACT
     assert true_map(disguise, found) or found.maps > 1
     assert max(found.residual or (1.0,)) < EXACT
@@ -140,11 +141,17 @@ def test_coupling_resolves_symmetric_fingers(here: Path) -> None:
         path.write_text(f'{head}<joint name="j_{follower}"{tail.replace("</joint>", mimic, 1)}')
         return path
 
-    one, other = mechanism(coupled("a.urdf", "left", "right", 1.0)), mechanism(coupled("b.urdf", "right", "left", 1.0))
+    one, other = mechanism(coupled("a.urdf", "left", "right", 0.5)), mechanism(coupled("b.urdf", "right", "left", 0.5))
     found = compare_mechanisms(one, other)
     assert found.same
     assert {one.one: one.other for one in found.joints} == {"j_left": "j_right", "j_right": "j_left"}
-    assert [one.what for one in compare_mechanisms(one, mechanism(coupled("c.urdf", "left", "right", 0.9))).differences] == ["coupling"]
+    inverse = compare_mechanisms(one, mechanism(coupled("c.urdf", "right", "left", 2.0)))
+    assert inverse.same and {one.one: one.other for one in inverse.joints} == {"j_left": "j_left", "j_right": "j_right"}
+    changed = compare_mechanisms(one, mechanism(coupled("d.urdf", "right", "left", 2.0002)))
+    assert [(one.what, one.one, one.other, one.old, one.new) for one in changed.differences] == [
+        ("coupling", "j_right", "j_right", ("j_left", 0.0, 0.5), ("j_left", 0.0, pytest.approx(1.0 / 2.0002))),
+    ]
+    assert not compare_mechanisms(one, mechanism(gripper(here / "e.urdf", "left", "right"))).same
 
 
 def test_wheel_zero_follows_from_limits(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -155,17 +162,17 @@ def test_wheel_zero_follows_from_limits(here: Path, capsys: pytest.CaptureFixtur
 
     one = mechanism(cart("a.urdf", "revolute", -1.0, 1.0))
     moved = compare_mechanisms(one, mechanism(cart("b.urdf", "revolute", -0.75, 1.25)))
-    assert moved.same and moved.limits == ()
+    assert moved.same and moved.properties == ()
     assert (moved.joints[0].zero, moved.joints[0].determined) == (pytest.approx(0.25), False)
     turned = compare_mechanisms(one, mechanism(cart("b.urdf", "revolute", 5.0, 7.0)))
-    assert turned.same and turned.limits == () and turned.joints[0].zero == pytest.approx(6.0)
+    assert turned.same and turned.properties == () and turned.joints[0].zero == pytest.approx(6.0)
     wider = compare_mechanisms(one, mechanism(cart("c.urdf", "revolute", -1.5, 1.5)))
     assert wider.same
-    assert [(limit.old, limit.new) for limit in wider.limits] == [((-1.0, 1.0), (-1.5, 1.5))]
+    assert [(limit.old, limit.new) for limit in wider.properties] == [((-1.0, 1.0), (-1.5, 1.5))]
     free = compare_mechanisms(one, mechanism(cart("d.urdf", "continuous", 0.0, 0.0, pitch=0.5)))
     assert free.same and free.joints[0].zero == 0.0
-    assert main(["same", "a.urdf", "c.urdf"]) == 0
-    assert "limits of spin: -57.3 deg, 57.3 deg -> -85.94 deg, 85.94 deg" in capsys.readouterr().out
+    assert main(["same", "a.urdf", "c.urdf"]) == 1
+    assert "limits of spin: -57.2958 deg, 57.2958 deg -> -85.9437 deg, 85.9437 deg" in capsys.readouterr().out
 
 
 def test_different_joints_and_arrangements_are_reported(robots: dict[str, Subject], here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -347,14 +354,50 @@ def test_options_for_robot_files(here: Path, capsys: pytest.CaptureFixture[str])
     assert "inertia of wheel: differs by" in out
 
 
+PROPERTIES = {"effort": 3.0, "velocity": 2.0, "damping": 0.1, "friction": 0.2, "armature": 0.01, "stiffness": 5.0}
+
+
+def test_changed_properties_of_joints_are_reported(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """A change of 1e-4 of any property is reported in the new coordinate, and a property that only one robot specifies is not."""
+    def crane(name: str, lower: float, upper: float, rest: float, values: dict[str, float], more: str = "") -> Path:
+        e, v, d, f, a, s = (f"{key}: {value}" for key, value in values.items())
+        joint = (
+            f"type: revolute, {more}limit: {{lower: {lower} rad, upper: {upper} rad, {e} N*m, {v} rad/s}}, "
+            f"dynamics: {{{d} N*m*s/rad, {f} N*m, {a} kg*m^2, {s} N*m/rad, rest: {rest} rad}},"
+        )
+        (here / name).write_text(DOCUMENT.replace("type: universal,", joint))
+        return here / name
+
+    one = mechanism(crane("a.yaml", -1.0, 0.5, 0.25, PROPERTIES))
+    reversed_joint = compare_mechanisms(one, mechanism(crane("b.yaml", -0.5, 1.0, -0.25, PROPERTIES, "reverse: true, ")))
+    assert reversed_joint.same and reversed_joint.joints[0].sign == -1 and reversed_joint.properties == ()
+    for what, value in PROPERTIES.items():
+        new = value * 1.0001
+        found = compare_mechanisms(one, mechanism(crane("b.yaml", -0.5, 1.0, -0.25, PROPERTIES | {what: new}, "reverse: true, ")))
+        assert found.same
+        assert [(one.what, one.old, one.new) for one in found.properties] == [(what, pytest.approx(value), pytest.approx(new))]
+    found = compare_mechanisms(one, mechanism(crane("b.yaml", -0.5, 1.0001, -0.2501, PROPERTIES, "reverse: true, ")))
+    assert [(one.what, one.old, one.new) for one in found.properties] == [
+        ("limits", pytest.approx((-0.5, 1.0)), pytest.approx((-0.5, 1.0001))), ("rest", pytest.approx(-0.25), pytest.approx(-0.2501)),
+    ]
+    crane("b.yaml", -1.0, 0.5, 0.25, PROPERTIES | {"effort": 3.0003})
+    assert main(["same", "a.yaml", "b.yaml", "--store", shared_store]) == 1
+    out = capsys.readouterr().out
+    assert out.startswith("b.yaml: the same mechanism; properties of joints differ\n")
+    assert "  effort of luff: 3 N*m -> 3.0003 N*m\n" in out
+    (here / "b.yaml").write_text(DOCUMENT.replace("type: universal,", "type: revolute, limit: {lower: -1 rad, upper: 0.5 rad},"))
+    assert main(["same", "a.yaml", "b.yaml", "--store", shared_store]) == 0
+
+
 def test_screw_zero_includes_the_travel(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
     """A rotation by 30 deg with its travel of 3 mm is only another zero. Without the travel, it is a difference."""
     screw = DOCUMENT.replace("type: universal,", "type: screw, lead: 36 mm, limit: {lower: -1 rad, upper: 1 rad},")
     (here / "a.yaml").write_text(screw)
+    (here / "d.yaml").write_text(screw.replace("lead: 36 mm", "lead: 37 mm"))
+    screw = screw.replace("lower: -1 rad, upper: 1 rad", f"lower: {math.pi / 6 - 1} rad, upper: {math.pi / 6 + 1} rad")
     # a turn by 30 deg, with and without the travel of 3 mm that belongs to it
     (here / "b.yaml").write_text(screw.replace("head: {xyz: 0 0 500 mm, rpy: 90 0 0 deg}", "head: {xyz: 0 3 500 mm, rpy: 90 30 0 deg}"))
     (here / "c.yaml").write_text(screw.replace("head: {xyz: 0 0 500 mm, rpy: 90 0 0 deg}", "head: {xyz: 0 0 500 mm, rpy: 90 30 0 deg}"))
-    (here / "d.yaml").write_text(screw.replace("lead: 36 mm", "lead: 37 mm"))
     assert main(["same", "a.yaml", "b.yaml", "--store", shared_store]) == 0
     assert "zeros: luff +30 deg" in capsys.readouterr().out
     assert main(["same", "a.yaml", "c.yaml", "--store", shared_store]) == 1
@@ -399,7 +442,7 @@ def test_reversed_wheel_has_reversed_limits(here: Path) -> None:
     for name, axis, lower, upper in (("a.urdf", 1, -1.0, 0.5), ("b.urdf", -1, -0.3, 1.2)):
         (here / name).write_text(WHEEL.format(kind="revolute", lower=lower, upper=upper, pitch=0).replace('"0 1 0"', f'"0 {axis} 0"'))
     found = compare_mechanisms(mechanism(here / "a.urdf"), mechanism(here / "b.urdf"))
-    assert found.same and found.limits == ()
+    assert found.same and found.properties == ()
     assert (found.joints[0].sign, found.joints[0].zero) == (-1, pytest.approx(0.2))
 
 
@@ -462,6 +505,32 @@ def test_loop_may_be_cut_at_another_joint(here: Path, shared_store: str, capsys:
     assert main(["same", "a.yaml", "build/four_bar", "--store", shared_store]) == 0
     assert main(["same", "b.yaml", "build/four_bar", "--store", shared_store]) == 0
     assert main(["same", "a.yaml", "c.yaml", "--store", shared_store]) == 1
+
+
+def test_loop_hinge_is_two_connects_in_mjcf(here: Path, shared_store: str) -> None:
+    """MuJoCo has no hinge that closes a loop. The connected points may be any two points of the axis."""
+    (here / "a.yaml").write_text(LOOP)
+    original = mechanism(here / "a.yaml")
+    assert main(["build", "a.yaml", "--emit", "mjcf", "--store", shared_store]) == 0
+    xml = (here / "build/four_bar/mjcf/four_bar_stand.xml").read_text()
+    def compared(*replacements: tuple[str, str]) -> MechanismComparison:
+        text = xml
+        for old, new in replacements:
+            assert old in text
+            text = text.replace(old, new)
+        (here / "other.xml").write_text(text)
+        return compare_mechanisms(original, mechanism(here / "other.xml"))
+
+    found = compared()
+    assert found.same and (found.joints[-1].sign, found.joints[-1].zero) == (1, pytest.approx(0.0))
+    assert compared(("0.08 0 0.04", "0.08 0 0.1"), ("0.07 0 -0.04", "0.07 0 -0.1")).same
+    exchanged = 'site1="qc:parent" site2="qc:child"', 'site1="qc:child" site2="qc:parent"'
+    assert compared(("0.08 0 0.04", "0.08 0 -0.1"), ("0.07 0 -0.04", "0.07 0 0.1"), exchanged).same
+    moved = compared(("0.08 0 0", "0.0801 0 0"))
+    assert [(one.what, one.by) for one in moved.differences] == [("axis position", pytest.approx(1e-4))]
+    tilted = compared(("0.08 0 0.04", "0.080004 0 0.04"))  # by 1e-4 rad
+    assert [(one.what, one.by) for one in tilted.differences] == [("axis angle", pytest.approx(1e-4))]
+    assert compared(("0.07 0 -0.04", "0.07 0 -0.0399")).differences[0].new == "2 ball, 3 rotation"  # no pose closes both
 
 
 def test_links_fixed_by_a_loop_are_one_link(here: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,19 +8,20 @@ from collections.abc import Iterator
 from typing import Any, Literal
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.tools.same.features import Array, apply, motion_of
-from thingc.tools.same.matching import MOST, JointMap, RobotMap, find_maps
-from thingc.tools.same.mechanism import Mechanism, MechanismJoint
+from thingc.tools.same.matching import MOST, RobotMap, find_maps
+from thingc.tools.same.mechanism import JointProperty, Mechanism
 
 TOLERANCE = 1e-5
 """Default tolerance: about the precision of files with six digits."""
 CONFIGURATIONS = 8
 """Number of random configurations in which poses of links are compared."""
 SAMPLES = (-1.0, -0.6, 0.0, 0.3, 0.7, 1.0)
-"""Coordinates of a leader at which couplings are compared [rad or m]. They distinguish polynomials of degree 4."""
+"""Coordinates of a leader in B at which couplings are compared [rad or m]. They distinguish polynomials of degree 4."""
 EXACT = 1e-4
 """Fraction of the tolerance up to which values are equal but for rounding errors."""
 REACH = 10.0
@@ -28,6 +29,7 @@ REACH = 10.0
 
 Difference = Literal[
     "mass", "centre", "inertia", "axis angle", "axis position", "lead", "limits", "coupling", "pose", "links", "joints", "arrangement",
+    JointProperty,
 ]
 OF_LINKS: tuple[Difference, ...] = ("mass", "centre", "inertia")
 OF_JOINTS: tuple[Difference, ...] = ("axis angle", "axis position", "lead")
@@ -36,8 +38,9 @@ OF_JOINTS: tuple[Difference, ...] = ("axis angle", "axis position", "lead")
 class MechanismDifference(FrozenStruct):
     """A difference between a link or joint `one` of A and `other` of B, which are names.
 
-    `old` and `new` are the values in A and B, limits in the coordinate of B. `by` is the difference: a fraction for masses and inertias, a
-    distance [m] for positions, an angle [rad] for axes. Differences in the numbers or the arrangement of links and joints have no names.
+    `old` and `new` are the values in A and B, both in the joint coordinates of B. `by` is the difference: a fraction for masses and
+    inertias, a distance [m] for positions, an angle [rad] for axes. Differences in the numbers or the arrangement of links and joints have
+    no names.
     """
 
     what: Difference
@@ -75,10 +78,10 @@ class JointMatch(FrozenStruct):
 class MechanismComparison(OneLineRepr, FrozenStruct):
     """The result of a comparison of two mechanisms.
 
-    `same` is true if they differ only in root, names, link frames, joint zeros, joint signs and limits. `maps` is the number of maps that
-    fit best, and `assignments` the number of different assignments of links and joints among them. If `complete` is false, there can be
-    more. `links` and `joints` are the best map. `residual` is the largest difference [m, rad] between poses of links in random
-    configurations.
+    `same` is true if they differ only in root, names, link frames, joint zeros, joint signs and `properties`: the properties of joints that
+    both robots specify. `maps` is the number of maps that fit best, and `assignments` the number of different assignments of links and
+    joints among them. If `complete` is false, there can be more. `links` and `joints` are the best map. `residual` is the largest
+    difference [m, rad] between poses of links in random configurations.
     """
 
     one: str
@@ -90,7 +93,7 @@ class MechanismComparison(OneLineRepr, FrozenStruct):
     links: tuple[LinkMatch, ...] = ()
     joints: tuple[JointMatch, ...] = ()
     differences: tuple[MechanismDifference, ...] = ()
-    limits: tuple[MechanismDifference, ...] = ()
+    properties: tuple[MechanismDifference, ...] = ()
     residual: tuple[float, float] | None = None
 
 
@@ -106,7 +109,7 @@ def compare_mechanisms(one: Mechanism, other: Mechanism, tolerance: float = TOLE
         maps = [found for found in maps if found.misfits <= maps[0].misfits + EXACT]
     if not maps:
         return MechanismComparison(one=one.name, other=other.name, same=False, differences=tuple(_counts(one, other)))
-    fits = [(any(_couplings(one, other, found, tolerance)), len(list(_limits(one, other, found, tolerance)))) for found in maps]
+    fits = [(any(_couplings(one, other, found, tolerance)), len(list(_properties(one, other, found, tolerance)))) for found in maps]
     maps = [found for found, fit in zip(maps, fits, strict=True) if fit == min(fits)]
     best = min(maps, key=lambda found: max(max(link.apart) for link in found.links.values()) > EXACT * tolerance)  # the first exact one
     differences = [*_differences(one, other, best, tolerance), *_couplings(one, other, best, tolerance)]
@@ -117,7 +120,7 @@ def compare_mechanisms(one: Mechanism, other: Mechanism, tolerance: float = TOLE
         one=one.name, other=other.name, same=exact and not differences,
         maps=len(maps) if exact else 0, assignments=len({_assignment(found) for found in maps}) if exact else 0,
         complete=complete, links=tuple(_links(one, other, best)), joints=tuple(_joints(one, other, best)), differences=tuple(differences),
-        limits=tuple(_limits(one, other, best, tolerance)), residual=apart,
+        properties=tuple(_properties(one, other, best, tolerance)), residual=apart,
     )
 
 
@@ -164,39 +167,71 @@ def _differences(one: Mechanism, other: Mechanism, best: RobotMap, tolerance: fl
 
 
 def _couplings(one: Mechanism, other: Mechanism, best: RobotMap, tolerance: float) -> Iterator[MechanismDifference]:
-    """Yield the differences of couplings between joints."""
-    names = {joint.name: number for number, joint in enumerate(one.joints)}
+    """Yield the differences of couplings between joints, in the coordinates of B."""
     maps = {joint.one: joint for joint in best.joints}
+    ours, theirs = _followers(one), _followers(other)
+    for number in {leader for leader, _ in ours.values()}:
+        _change_leader(theirs, maps[number].other)
+    for joint in sorted(best.joints):
+        old, new = ours.get(joint.one), theirs.get(joint.other)
+        if old is not None:
+            leader = maps[old[0]]
+            old = leader.other, joint.sign * old[1](Polynomial([-leader.sign * leader.zero, leader.sign])) + joint.zero
+        if not _equal_couplings(old, new, tolerance):
+            values = (None if found is None else (other.joints[found[0]].name, *map(float, found[1].coef)) for found in (old, new))
+            names = one.joints[joint.one].name, other.joints[joint.other].name
+            yield MechanismDifference(what="coupling", one=names[0], other=names[1], old=next(values), new=next(values))
+
+
+Follower = tuple[int, Polynomial]
+"""The joint that a joint follows directly or through other joints, and the polynomial in the coordinate of this joint."""
+
+
+def _followers(robot: Mechanism) -> dict[int, Follower]:
+    """Return the couplings of a robot. The joints that joints follow are not coupled."""
+    numbers = {joint.name: number for number, joint in enumerate(robot.joints)}
+    found: dict[int, Follower] = {}
+    for number, joint in enumerate(robot.joints):
+        leader, polynomial, coupling = number, Polynomial([0.0, 1.0]), joint.coupling
+        while coupling is not None:
+            leader, polynomial = numbers[coupling.leader], polynomial(Polynomial(coupling.polynomial))
+            coupling = robot.joints[leader].coupling
+        if leader != number:
+            found[number] = leader, polynomial
+    return found
+
+
+def _change_leader(followers: dict[int, Follower], new: int) -> None:
+    """Express couplings in the coordinate of the follower `new`, if it follows linearly."""
+    leader, polynomial = followers.get(new, (new, Polynomial([0.0])))
+    if polynomial.trim().degree() == 1:
+        back = Polynomial([-polynomial.coef[0], 1.0]) / polynomial.coef[1]
+        followers |= {number: (new, own(back)) for number, (first, own) in followers.items() if first == leader}
+        followers[leader] = new, back
+        del followers[new]
+
+
+def _equal_couplings(old: Follower | None, new: Follower | None, tolerance: float) -> bool:
+    if old is None or new is None or old[0] != new[0]:
+        return old is new is None
+    limit = tolerance * (1.0 + float(np.abs(new[1].coef).max()))
+    return all(abs(old[1](x) - new[1](x)) <= limit for x in SAMPLES)
+
+
+def _properties(one: Mechanism, other: Mechanism, best: RobotMap, tolerance: float) -> Iterator[MechanismDifference]:
+    """Yield the differences of properties that both joints specify, in the coordinate of the joint in B."""
     for joint in sorted(best.joints):
         a, b = one.joints[joint.one], other.joints[joint.other]
-        if a.coupling is None and b.coupling is None:
-            continue
-        leader = maps[names[a.coupling.leader]] if a.coupling is not None else None
-        if not _coupled_alike(a, b, joint, leader, other, tolerance):
-            old, new = (None if one.coupling is None else (one.coupling.leader, *one.coupling.polynomial) for one in (a, b))
-            yield MechanismDifference(what="coupling", one=a.name, other=b.name, old=old, new=new)
-
-
-def _coupled_alike(
-    a: MechanismJoint, b: MechanismJoint, joint: JointMap, leader: JointMap | None, other: Mechanism, tolerance: float,
-) -> bool:
-    if a.coupling is None or b.coupling is None or leader is None or other.joints[leader.other].name != b.coupling.leader:
-        return False
-    limit = tolerance * (1.0 + max(map(abs, a.coupling.polynomial)))
-    values = [(joint.sign * a.coupling.at(x) + joint.zero, b.coupling.at(leader.sign * x + leader.zero)) for x in SAMPLES]
-    return all(abs(p - q) <= limit for p, q in values)
-
-
-def _limits(one: Mechanism, other: Mechanism, best: RobotMap, tolerance: float) -> Iterator[MechanismDifference]:
-    """Yield the differences of limits. Both limits are coordinates of the joint in B."""
-    for joint in sorted(best.joints):
-        a, b = one.joints[joint.one], other.joints[joint.other]
-        if a.limits is None or b.limits is None:
-            continue
-        ends = [None if end is None else joint.sign * end + joint.zero for end in a.limits][:: joint.sign]
-        if any((x is None) != (y is None) or x is not None and y is not None and abs(x - y) > 10.0 * tolerance
-               for x, y in zip(ends, b.limits, strict=True)):
-            yield MechanismDifference(what="limits", one=a.name, other=b.name, old=tuple(ends), new=b.limits)
+        ends = tuple(None if end is None else joint.sign * end + joint.zero for end in (a.limits or ())[:: joint.sign])
+        pairs = zip(ends, b.limits, strict=True) if ends and b.limits else ()
+        if any(x != y and (x is None or y is None or abs(x - y) > tolerance) for x, y in pairs):
+            yield MechanismDifference(what="limits", one=a.name, other=b.name, old=ends, new=b.limits)
+        for what, new in b.properties.items():
+            old = a.properties.get(what, new)
+            if what == "rest" and what in a.properties:
+                old = joint.sign * old + joint.zero
+            if abs(old - new) > tolerance * (1.0 if what == "rest" else max(abs(old), abs(new))):
+                yield MechanismDifference(what=what, one=a.name, other=b.name, old=old, new=new)
 
 
 def residual(one: Mechanism, other: Mechanism, best: RobotMap) -> tuple[float, float]:

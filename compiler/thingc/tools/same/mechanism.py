@@ -5,16 +5,18 @@ A mechanism is built from an assembly or from the file `modes.json` of a build f
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
-from msgspec.structs import replace
+from msgspec.structs import asdict, replace
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties, total
 from thingc.base.joints.twist import Twist
+from thingc.base.numeric import atan2, dist
 from thingc.base.one_line_repr import OneLineRepr
-from thingc.base.pose import NO_POSE, Matrix, Pose, Vector, cross, dot
+from thingc.base.pose import NO_POSE, Matrix, Pose, Vector, add_scaled, along, cross, dot, scale_vector, turned_z
 from thingc.model.assembly.types import Assembly, JointEdge
 from thingc.model.robot.tree import in_link
 
@@ -23,6 +25,11 @@ if TYPE_CHECKING:
     from thingc.modes.tree import Joint, Mode
 
 MotionKind = Literal["rotation", "translation", "screw", "ball"]
+JointProperty = Literal["effort", "velocity", "damping", "friction", "armature", "stiffness", "rest"]
+Limits = tuple[float | None, float | None]
+
+RIGID = 1e-6
+"""Difference of the distances [m] between two points in two links below which the points can coincide."""
 
 
 class MechanismLink(OneLineRepr, FrozenStruct):
@@ -38,20 +45,14 @@ class Coupling(FrozenStruct):
     leader: str
     polynomial: tuple[float, ...]
 
-    def at(self, x: float) -> float:
-        """Return q when the coordinate of the leader is `x`."""
-        value = 0.0
-        for coefficient in reversed(self.polynomial):
-            value = value * x + coefficient
-        return value
-
 
 class MechanismJoint(OneLineRepr, FrozenStruct):
     """A joint with one coordinate q, or a ball joint.
 
     The link `child` has the pose `exp(twist q) @ pose` in the frame of the link `parent`. Both links are indices. The twist of a ball
     joint is a rotation about its centre. `limits` are the lower and the upper limit of q [rad or m], or the cone of a ball joint as upper
-    limit. They are None if the source does not contain limits, as a build folder.
+    limit. They are None if the source does not contain limits, as a build folder. `properties` contains the values in SI units that the
+    source specifies.
     """
 
     name: str
@@ -60,7 +61,8 @@ class MechanismJoint(OneLineRepr, FrozenStruct):
     child: int
     pose: Pose
     twist: Twist
-    limits: tuple[float | None, float | None] | None = None
+    limits: Limits | None = None
+    properties: Mapping[JointProperty, float] = {}
     coupling: Coupling | None = None
 
 
@@ -77,9 +79,10 @@ class _Coordinate(FrozenStruct):
 
     name: str
     twist: Twist
-    offset: float
-    limits: tuple[float | None, float | None] | None
-    coupling: Coupling | None
+    offset: float = 0.0
+    limits: Limits | None = None
+    properties: Mapping[JointProperty, float] = {}
+    coupling: Coupling | None = None
 
 
 def mechanism_of_assembly(assembly: Assembly) -> Mechanism:
@@ -98,14 +101,17 @@ def mechanism_of_assembly(assembly: Assembly) -> Mechanism:
 
 def _of_edge(edge: JointEdge) -> _Coordinate:
     limit, mimic = edge.limit, edge.mimic
+    values = asdict(limit) | asdict(edge.dynamics) | {"rest": edge.dynamics.rest or 0.0 if edge.dynamics.stiffness else None}
+    keys: tuple[JointProperty, ...] = get_args(JointProperty)
     return _Coordinate(
         name=edge.path, twist=edge.twist, offset=edge.offset, limits=(limit.lower, limit.cone if limit.upper is None else limit.upper),
+        properties={key: values[key] for key in keys if values[key] is not None},
         coupling=None if mimic is None else Coupling(leader=mimic.joint.path, polynomial=mimic.polynomial),
     )
 
 
 def mechanism_of_mode(name: str, mode: Mode) -> Mechanism:
-    """Return the mechanism of a robot from one of its modes in `modes.json`. The file does not contain limits of joints."""
+    """Return the mechanism of a robot from one of its modes in `modes.json`. The file does not contain properties of joints."""
     builder = _Builder(
         MechanismLink(name=link.name, properties=MassProperties(
             mass=link.mass, centre=_vector(link.centre), inertia=_matrix(link.inertia),
@@ -116,7 +122,7 @@ def mechanism_of_mode(name: str, mode: Mode) -> Mechanism:
         waiting.append(joint)
         if number + 1 == len(mode.joints) or mode.joints[number + 1].first:
             coordinates = [_Coordinate(
-                name=one.name, twist=_twist(one.twist), offset=one.offset, limits=None,
+                name=one.name, twist=_twist(one.twist), offset=one.offset,
                 coupling=None if one.mimic is None else Coupling(
                     leader=one.mimic.joint, polynomial=(one.mimic.offset, one.mimic.multiplier, *one.mimic.higher),
                 ),
@@ -129,10 +135,7 @@ def mechanism_of_mode(name: str, mode: Mode) -> Mechanism:
             builder.welds.append((link.fixed_to, number, _pose(mode.links[link.fixed_to].X_root_link).inverse() @ _pose(link.X_root_link)))
     for cut in mode.cuts:
         before, after = _pose(cut.X_PA), _pose(cut.X_CB).inverse()
-        coordinates = [
-            _Coordinate(name=one, twist=_twist(row), offset=0.0, limits=None, coupling=None)
-            for one, row in zip(cut.coordinates, cut.twists, strict=True)
-        ]
+        coordinates = [_Coordinate(name=one, twist=_twist(row)) for one, row in zip(cut.coordinates, cut.twists, strict=True)]
         if coordinates:
             builder.add(cut.parent, cut.child, before, after, coordinates, ball=cut.kind == "ball")
         else:
@@ -177,10 +180,10 @@ class _Builder:
         A joint with several coordinates becomes several joints with massless links between them.
         """
         if ball:
-            name, limits = coordinates[0].name.removesuffix("_0"), coordinates[0].limits
-            centre = replace(coordinates[0].twist, linear=(0.0, 0.0, 0.0)).seen_from(before)
+            first = coordinates[0]
             self.joints.append(MechanismJoint(
-                name=name, kind="ball", parent=parent, child=child, pose=before @ after, twist=centre, limits=limits,
+                name=first.name.removesuffix("_0"), kind="ball", parent=parent, child=child, pose=before @ after,
+                twist=replace(first.twist, linear=(0.0, 0.0, 0.0)).seen_from(before), limits=first.limits, properties=first.properties,
             ))
             return
         near = parent
@@ -195,12 +198,12 @@ class _Builder:
             kind: MotionKind = "screw" if one.twist.turns and one.twist.pitch else "rotation" if one.twist.turns else "translation"
             self.joints.append(MechanismJoint(
                 name=one.name, kind=kind, parent=near, child=far, pose=pose, twist=one.twist.seen_from(before), limits=one.limits,
-                coupling=one.coupling,
+                properties=one.properties, coupling=one.coupling,
             ))
             near, before = far, NO_POSE
 
     def build(self, name: str) -> Mechanism:
-        """Return the mechanism. Links that welds connect are merged to one link."""
+        """Return the mechanism. Links that welds connect are merged to one link, and two balls between the same links to a rotation."""
         into = self._merge_links()
         groups: dict[int, list[int]] = {}
         for link, (head, _) in into.items():
@@ -212,10 +215,17 @@ class _Builder:
             for head, members in groups.items()
         )
         joints = []
+        balls: dict[frozenset[int], list[MechanismJoint]] = defaultdict(list)
         for joint in self.joints:
             (parent, here), (child, there) = into[joint.parent], into[joint.child]
             moved = replace(joint, pose=here @ joint.pose @ there.inverse(), twist=joint.twist.seen_from(here))
             joints.append(replace(moved if self.welds else joint, parent=index[parent], child=index[child]))
+            if joint.kind == "ball":
+                balls[frozenset((parent, child))].append(joints[-1])
+        for pair in balls.values():
+            if len(pair) == 2 and (hinge := _as_hinge(*pair)) is not None:
+                joints[joints.index(pair[0])] = hinge
+                joints.remove(pair[1])
         return Mechanism(name=name, links=links, joints=tuple(joints))
 
     def _merge_links(self) -> Mapping[int, tuple[int, Pose]]:
@@ -233,3 +243,24 @@ class _Builder:
                     into[link] = (head, pose)
                     waiting += [(other, pose @ step) for other, step in edges.get(link, ())]
         return into
+
+
+def _as_hinge(one: MechanismJoint, other: MechanismJoint) -> MechanismJoint | None:
+    """Return the rotation that two ball joints between the same two links allow, or None if their centres cannot define an axis.
+
+    A loop that a hinge closes is written like this in MJCF.
+    """
+    ends: list[Pose] = []
+    lengths: list[float] = []
+    for link in (one.parent, one.child):
+        start, end = (
+            joint.twist.anchor if joint.parent == link else joint.pose.inverse().apply(joint.twist.anchor) for joint in (one, other)
+        )
+        lengths.append(dist(start, end))
+        if min(lengths) <= RIGID or abs(lengths[-1] - lengths[0]) > RIGID:
+            return None
+        ends.append(along(scale_vector(add_scaled(end, start, -1.0), 1.0 / lengths[-1]), start))
+    (a, b, _), (c, d, _), _ = (ends[0].inverse() @ one.pose @ ends[1]).rotation
+    pose = ends[0] @ turned_z(atan2(c - b, a + d)) @ ends[1].inverse()
+    axis = Twist(angular=(0.0, 0.0, 1.0)).seen_from(ends[0])
+    return MechanismJoint(name=one.name, kind="rotation", parent=one.parent, child=one.child, pose=pose, twist=axis)

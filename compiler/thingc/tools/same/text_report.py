@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from thingc.base.joints.twist import dimensions_of
 from thingc.base.numeric import degrees
 from thingc.base.one_line_repr import format_count
 from thingc.base.safe_text import some
+from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.tools.same.comparison import TOLERANCE, MechanismComparison, MechanismDifference
 
 SHOWN = 12
@@ -20,8 +22,9 @@ PHYSICAL = {
 
 
 def as_text(result: MechanismComparison) -> Iterator[str]:
-    """Yield the lines of a report: the verdict, zeros and signs, names, ambiguities, agreement of masses, differences and limits."""
-    yield summary(result) if result.same else f"{result.one} and {result.other} are different mechanisms"
+    """Yield the lines of a report: the verdict, zeros and signs, names, ambiguities, agreement of masses, differences and properties."""
+    differ = "; properties of joints differ" if result.properties else ""
+    yield f"{summary(result)}{differ}" if result.same else f"{result.one} and {result.other} are different mechanisms"
     yield from (f"  {line}" for line in _differences(result.differences))
     if not result.links:
         return
@@ -50,9 +53,11 @@ def as_text(result: MechanismComparison) -> Iterator[str]:
             f"rotation {_format_tolerance(degrees(result.residual[1]), 'deg')}"
         )
     kinds = {one.other: one.kind for one in result.joints}
-    for limit in result.limits:
-        old, new = (", ".join(_value(kinds[limit.other], end) for end in ends) for ends in (limit.old, limit.new))
-        yield f"  limits of {_format_names(limit)}: {old} -> {new}"
+    for found in result.properties:
+        key = "lower" if found.what == "limits" else found.what
+        ends = ((value,) if key == found.what else value for value in (found.old, found.new))
+        old, new = (", ".join(_value(kinds[found.other], key, end, 6) for end in values) for values in ends)
+        yield f"  {found.what} of {_format_names(found)}: {old} -> {new}"
 
 
 def summary(result: MechanismComparison) -> str:
@@ -63,17 +68,17 @@ def summary(result: MechanismComparison) -> str:
 
 def zeros_of(result: MechanismComparison) -> str:
     """Return the joint zeros and signs that differ, such as `zeros: shoulder_lift +90 deg`."""
-    zeros = [f"{one.other} {_value(one.kind, one.zero, plus='+')}" for one in result.joints if abs(one.zero) > TOLERANCE]
+    moved = [one for one in result.joints if abs(one.zero) > TOLERANCE]
+    zeros = [f"{one.other} {'+' * (one.zero > 0.0)}{_value(one.kind, 'lower', one.zero, 4)}" for one in moved]
     signs = [one.other for one in result.joints if one.sign < 0]
     found = [f"zeros: {some(zeros, SHOWN)}"] if zeros else []
     return "; ".join([*found, *([f"reversed: {some(signs, SHOWN)}"] if signs else [])])
 
 
-def _value(kind: str, value: float | None, *, plus: str = "") -> str:
-    """Format a coordinate of a joint with its unit. `plus` is the sign of positive values."""
-    if value is None:
-        return "none"
-    return f"{1000.0 * value:{plus}.4g} mm" if kind == "translation" else f"{degrees(value):{plus}.4g} deg"
+def _value(kind: str, key: str, value: float | None, digits: int) -> str:
+    """Format a property of a joint with its unit. The keys are those of `dimensions_of`."""
+    of = dimensions_of(LENGTH if kind == "translation" else ANGLE)
+    return "none" if value is None else Quantity(value, of[key]).format(digits)
 
 
 def _format_tolerance(value: float, unit: str) -> str:
