@@ -3,13 +3,14 @@ reports a defect of its own (TC899), except with `@pytest.mark.defect`."""
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
 import re
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +82,12 @@ def _kept(_: int, *, seed: int = 0) -> Workers:
     return _KEPT.setdefault(tuple(environment(seed).items()), _Kept(2, seed=seed))
 
 
+def _kept_once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
+    """Send a request to the shared workers, instead of to a new process, which would load the CAD kernel."""
+    [(_, answer)] = _kept(2).run([request])
+    return answer
+
+
 @pytest.fixture(scope="session", params=TEMPLATES)
 def begun(request: pytest.FixtureRequest, shared_store: str) -> Path:
     """The built document of a workspace that `thingc new` has created, one for each template. Its parts are in the shared store."""
@@ -115,12 +122,8 @@ def pytest_collection_finish() -> None:
     gc.freeze()
     gc.set_threshold(100_000, 20, 20)  # as in a command
     gc.enable()
-    client.Workers = _kept  # test modules, which have been imported, have the class itself
-
-
-def pytest_unconfigure() -> None:
-    """Allow Python to collect the excluded objects at its end. Otherwise, nanobind would report its objects as leaks."""
-    gc.unfreeze()
+    atexit.register(gc.unfreeze)  # otherwise, nanobind would report its objects as leaks; pytest collects garbage before that
+    client.Workers, client.once = _kept, _kept_once  # test modules, which have been imported, have the originals
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -14,14 +14,12 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import anyio
 import numpy as np
 import psutil
 import pytest
-from mcp import Client, StdioServerParameters
-from mcp.types import CallToolResult, ImageContent, ListToolsResult
 from PIL import Image
 from ruamel.yaml import YAML
 
@@ -29,8 +27,10 @@ from editor.language_server import wait_until
 from thingc.driver import edit_document
 from thingc.tools.cli.main import COMMANDS, main
 from thingc.tools.cli.render import SHOT
-from thingc.tools.mcp.server import Tools, create_server
 from thingc.tools.templates import files_of
+
+if TYPE_CHECKING:  # every test process would import it, for half a second
+    from mcp.types import CallToolResult, ListToolsResult
 
 ROOT = Path(__file__).resolve().parents[2]
 SKILL = ROOT / "skills/thingc/SKILL.md"
@@ -55,7 +55,7 @@ studio.lamps = lambda camera, normal, counts: lamps(camera, normal, (2, 2))
 raise SystemExit(main.main())
 """
 """`thingc`, whose default picture is a sixteenth as large and has few lamps: without a graphics card, each takes seconds."""
-Call = Callable[..., CallToolResult]
+Call = Callable[..., "CallToolResult"]
 
 
 @pytest.fixture
@@ -72,6 +72,10 @@ def rover(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) ->
 
 def called(tool: str, given: dict[str, Any], *, trusted: bool = True) -> CallToolResult:
     """Call a tool of a server in this process."""
+    from mcp import Client
+
+    from thingc.tools.mcp.server import Tools, create_server
+
     async def work() -> CallToolResult:
         async with Client(create_server(Tools(trusted=trusted))) as client:
             return await client.call_tool(tool, given)
@@ -83,6 +87,8 @@ def served(
     rover: Path, *calls: tuple[str, dict[str, Any]], words: Sequence[str] = ("--trusted",), command: Sequence[str] = ("-m", "thingc"),
 ) -> list[CallToolResult]:
     """Call tools of a server in a separate process, in which MuJoCo is not yet imported with another renderer."""
+    from mcp import Client, StdioServerParameters
+
     async def work() -> list[CallToolResult]:
         server = StdioServerParameters(
             command=sys.executable, args=["-P", *command, "mcp", "-C", str(rover), *words], cwd=rover.parent, env={**os.environ},
@@ -105,6 +111,10 @@ def printed(*words: str) -> Any:
 
 
 def test_five_tools_read_and_two_write(rover: Path) -> None:
+    from mcp import Client
+
+    from thingc.tools.mcp.server import Tools, create_server
+
     async def work() -> ListToolsResult:
         async with Client(create_server(Tools(trusted=False))) as client:
             return await client.list_tools()
@@ -146,7 +156,7 @@ def test_picture_shows_the_pose(rover: Path) -> None:
     def picture(result: CallToolResult) -> np.ndarray[Any, Any]:
         assert codes(result) == []
         image = result.content[1]
-        assert isinstance(image, ImageContent) and image.mime_type == "image/png"
+        assert image.type == "image" and image.mime_type == "image/png"
         return np.asarray(Image.open(io.BytesIO(base64.b64decode(image.data))).convert("RGB"), dtype=int)
 
     document = {"document": "rover.yaml"}

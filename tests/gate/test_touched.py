@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from conformance.harness import thingc
+from conformance.harness import thingc, thingc_here
 
 ROOT = Path(__file__).resolve().parents[2]
 Run = Callable[..., list[str]]
@@ -55,7 +55,7 @@ def folder(tmp_path: Path) -> Path:
 @pytest.fixture
 def touched(folder: Path, shared_store: str) -> Run:
     def run(*words: str) -> list[str]:
-        done = thingc("touched", *words, store=shared_store, cwd=folder)
+        done = thingc_here("touched", *words, store=shared_store, cwd=folder)
         assert done.code == 0, done.out + done.err
         return done.out.splitlines()
 
@@ -108,7 +108,7 @@ def test_virtual_environments_and_hidden_folders_are_ignored(folder: Path, touch
 
 def test_robots_of_the_repository(shared_store: str) -> None:
     def run(*words: str) -> list[str]:
-        return thingc("touched", *words, store=shared_store, cwd=ROOT / "assemblies").out.splitlines()
+        return thingc_here("touched", *words, store=shared_store, cwd=ROOT / "assemblies").out.splitlines()
 
     assert run("../parts/arm.py") == ["arm.yaml", "end_effector.yaml"]
     # the robot is nested in one that carries a probe, and has modes of its own; the leg has none

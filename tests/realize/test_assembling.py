@@ -13,7 +13,7 @@ import pytest
 from msgspec.structs import replace
 
 from thingc.base.pose import Pose, make_translation, turned_z
-from thingc.geometry.client import Workers
+from thingc.geometry.client import Workers, once
 from thingc.geometry.record import Placed
 from thingc.geometry.service import AssemblyFailed
 from thingc.geometry.worker.kernel.step_order import sort_styles, without_noise
@@ -164,11 +164,12 @@ def test_step_file_round_trip(module_place: Any, instances: list[Placed], tmp_pa
 
 
 def test_step_bytes_are_equal_across_processes(
-    module_place: Any, instances: list[Placed], tmp_path: Path
+    module_place: Any, instances: list[Placed], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The kernel writes styles in the order of memory addresses, which differ between processes."""
     from thingc.geometry.store.local import Store
 
+    monkeypatch.setattr("thingc.geometry.client.once", once)  # a process for each file
     many = [
         replace(instance, path=f"row_{k}/{instance.path}", pose=make_translation(0, k / 10, 0) @ instance.pose, color=f"#{k:02x}80{j:02x}")
         for k in range(6) for j, instance in enumerate(instances)

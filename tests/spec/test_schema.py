@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ DOCUMENTS = sorted(
     path for folder, pattern in FOLDERS.items() for path in (ROOT / folder).glob(pattern)
     if path.name == "thingc.toml" or (path.suffix in (".yaml", ".yml", ".toml") and is_document(str(path)))
 )
+schema_of = cache(json_schema)
 
 
 def test_committed_schemas_are_up_to_date() -> None:
@@ -33,7 +35,7 @@ def test_committed_schemas_are_up_to_date() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_schemas_are_valid(kind: str) -> None:
-    schema = json_schema(kind)
+    schema = schema_of(kind)
     jsonschema.Draft202012Validator.check_schema(schema)
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     assert schema["title"] == f"thingc {kind} document, version 1"
@@ -58,7 +60,7 @@ def test_fields_have_title_description_and_examples() -> None:
 
 
 def test_mapping_fields_refer_to_their_definition() -> None:
-    schema = json_schema("assembly")
+    schema = schema_of("assembly")
     limit = schema["$defs"]["JointSpec"]["properties"]["limit"]
     assert limit["anyOf"][0] == {"$ref": "#/$defs/LimitSpec"} and limit["title"] == "Limit"
     defaults = schema["$defs"]["AssemblySpec" if "AssemblySpec" in schema["$defs"] else "DefaultsSpec"]["properties"]["joint"]
@@ -69,7 +71,7 @@ def test_mapping_fields_refer_to_their_definition() -> None:
 
 def test_field_docstrings_are_descriptions() -> None:
     """Inherited fields have descriptions too."""
-    definitions = json_schema("assembly")["$defs"]
+    definitions = schema_of("assembly")["$defs"]
     assert definitions["ComponentSpec"]["properties"]["material"]["description"] == "A material that this document can use."
     assert definitions["ComponentSpec"]["properties"]["part"]["description"] == "The class of a part, as `module:Class`."
     rpy = definitions["AtSpec"]["properties"]["rpy"]["description"]
@@ -91,7 +93,7 @@ def plain(path: Path) -> dict[str, Any]:
 def test_documents_of_the_repository_match_their_schema(path: Path) -> None:
     document = plain(path)
     kind = document["thingc"].partition("/")[0]
-    jsonschema.Draft202012Validator(json_schema(kind)).validate(document)
+    jsonschema.Draft202012Validator(schema_of(kind)).validate(document)
 
 
 GOOD = {"thingc": "assembly/1", "name": "x", "components": {"p": {"part": "a:B"}}}
@@ -106,14 +108,14 @@ GOOD = {"thingc": "assembly/1", "name": "x", "components": {"p": {"part": "a:B"}
     {"components": {"p": {"part": "a:B", "com": [1, 2, 3]}}}, {"modes": {"b": {"contacts": {"exclude": [["a"]]}}}},
 ])
 def test_schema_rejects_invalid_documents(change: dict[str, Any]) -> None:
-    validator = jsonschema.Draft202012Validator(json_schema("assembly"))
+    validator = jsonschema.Draft202012Validator(schema_of("assembly"))
     validator.validate(GOOD)
     with pytest.raises(jsonschema.ValidationError):
         validator.validate({**GOOD, **change})
 
 
 def test_schema_accepts_valid_documents() -> None:
-    validator = jsonschema.Draft202012Validator(json_schema("assembly"))
+    validator = jsonschema.Draft202012Validator(schema_of("assembly"))
     for change in (
         {"$schema": "../schemas/assembly-1.json"},
         {"parameters": {"a": "5 mm", "b": {"value": 3, "min": 0}, "c": True, "d": "=a"}},
