@@ -82,9 +82,11 @@ def test_lock_files_are_compared(locked: tuple[Path, Path], capsys: pytest.Captu
     }
     assert main(["diff", str(lock), str(lock)]) == 0
     assert "no changes in meaning" in capsys.readouterr().out
-    lock.write_text("{")
-    assert main(["diff", str(old / "parts.lock.json"), str(lock)]) == 1
-    assert "error[TC342]: `parts.lock.json` is invalid" in capsys.readouterr().out
+    thing["records"]["blocks:Block"]["mounts"]["origin"] = {"pose": []}
+    for text, where in ("{", ""), (json.dumps(values), " at `things.blocks:Block.records.blocks:Block.mounts.origin.pose`"):
+        lock.write_text(text)
+        assert main(["diff", str(old / "parts.lock.json"), str(lock)]) == 1
+        assert f"error[TC342]: `parts.lock.json` is invalid{where}: " in capsys.readouterr().out
 
 
 def test_given_lock_file_is_read_in_any_workspace(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
@@ -101,7 +103,7 @@ def test_changed_gear_ratio_in_lock_files_is_reported(locked: tuple[Path, Path],
     old, new = (folder / "parts.lock.json" for folder in locked)
     values = json.loads(old.read_text())
     for lock, ratio in ((old, 4.0), (new, 5.0)):
-        values["things"]["blocks:Block"]["records"]["blocks:Block"]["actuator"] = {"kind": "motor", "gear_ratio": ratio}
+        values["things"]["blocks:Block"]["records"]["blocks:Block"]["actuator"] = {"kind": "motor", "gear_ratio": ratio, "sources": {}}
         lock.write_text(json.dumps(values))
     found = run_diff_json(capsys, old, new)
     changed = {key: (change["old"], change["new"]) for key, change in found.items()}

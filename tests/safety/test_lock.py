@@ -12,7 +12,7 @@ from conformance.harness import Ran, thingc_here
 from thingc.base.diagnostics import Severity
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
-from thingc.geometry.lock.json_format import BadLock, read_schema, schema_values
+from thingc.geometry.lock.json_format import BadLock, LockedSchema, read_value, schema_values
 from thingc.geometry.record import ParameterSchema, PartSchema
 
 _CORNERS = ((0, 0, 0), (10, 0, 0), (0, 10, 0), (0, 0, 10))
@@ -82,10 +82,10 @@ def test_integer_parameters_keep_their_bounds() -> None:
     )
     values = json.loads(json.dumps(schema_values(whole)))
     assert values["parameters"]["shift"] == {"kind": "integer", "default": -3}
-    assert read_schema("gears:Gear", values, "things") == whole
+    assert read_value(values, LockedSchema, "things").schema("gears:Gear", "things") == whole
     values["parameters"]["shift"]["default"] = -3.5
     with pytest.raises(BadLock, match="expected a whole number"):
-        read_schema("gears:Gear", values, "things")
+        read_value(values, LockedSchema, "things").schema("gears:Gear", "things")
 
 
 def test_stale_lock_is_reported_at_the_part(workspace: Path, shared_store: str) -> None:
@@ -218,6 +218,7 @@ def test_file_is_locked_once_per_unit(workspace: Path, shared_store: str) -> Non
 
 BROKEN = {
     "empty": "", "no JSON": "{", "a list": "[]", "another version": '{"thingc": "lock/2"}', "no number": '{"thingc": "lock/1", "x": NaN}',
+    "too large": '{"thingc": "lock/1", "x": 1e999}',
     "a key twice": '{"thingc": "lock/1", "thingc": "lock/1"}', "things are a list": '{"thingc": "lock/1", "things": []}',
     "a thing is a text": '{"thingc": "lock/1", "things": {"arm:PenDummy": "x"}}',
     "no hash": '{"thingc": "lock/1", "things": {"arm:PenDummy": {}}}',
@@ -239,7 +240,8 @@ def test_broken_lock_file_is_a_diagnostic(name: str, workspace: Path) -> None:
     (("parameters", "size", "maximum"), "x"), (("kind",), None), (("actuator",), 1), (("records", "arm:BasePlate"), []),
     (("records", "arm:BasePlate", "volume"), -1.0), (("records", "arm:BasePlate", "volume"), 10**400),
     (("records", "arm:BasePlate", "centre"), [0, 0]), (("records", "arm:BasePlate", "inertia"), None),
-    (("records", "arm:BasePlate", "mounts"), {"servo_seat": {"pose": [1] * 12}}), (("records", "arm:BasePlate", "mass"), {"value": 1}),
+    (("records", "arm:BasePlate", "mounts"), {"servo_seat": {"pose": [1] * 12}}),
+    (("records", "arm:BasePlate", "mass"), {"value": 1, "source": "guess"}),
     (("records", "arm:BasePlate", "actuator"), {"kind": "rocket"}), (("records", "arm:BasePlate", "expectations"), [["a"]]),
 ])
 def test_modified_lock_file_is_a_diagnostic(path: tuple[str, ...], value: object, workspace: Path) -> None:

@@ -237,7 +237,7 @@ class DeclaredValue(OneLineRepr, FrozenStruct, Generic[Declared]):
     """A number, vector or matrix that a Thing declares, and its source (`measured | vendor | estimated | stated`)."""
 
     value: Declared
-    source: str = "stated"
+    source: Literal["measured", "vendor", "estimated", "stated"] = "stated"
 
 
 DriveType = Literal["position", "velocity", "motor"]

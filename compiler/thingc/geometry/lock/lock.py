@@ -9,15 +9,18 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, NoReturn
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
+
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Report, Severity
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Span, line_of
 from thingc.geometry.key.module_key import CodeIngredients
-from thingc.geometry.lock.json_format import BadLock, LockValue, read_record, read_schema
+from thingc.geometry.lock.json_format import BadLock, LockedSchema, read_record, read_value
 from thingc.geometry.record import PartDefinition, PartRecord, PartSchema
 
 if TYPE_CHECKING:
@@ -30,33 +33,43 @@ REMAKE = "run `thingc lock` on a machine that may run part code, and commit `par
 """The help text for all errors in lock files."""
 
 
-class LockedThing(FrozenStruct):
-    """The entry of one Thing in the lock file.
+class LockedThing(LockedSchema):
+    """The entry of one part in the lock file: its schema, and what it was built from.
 
-    `code` is the hash of the Thing's code. `reads` contains the states of the files that the Thing read, by path in the workspace.
-    `values` is the part schema as a parsed JSON value. `records` contains the part records of the Thing, keyed by definition text.
+    `code` is the hash of the part's code. `reads` contains the states of the files that the part read, by path in the workspace. `records`
+    contains the part records, keyed by definition text. Records are only validated when they are requested.
     """
 
     code: str
-    reads: Mapping[str, str]
-    values: Mapping[str, Any]
-    records: Mapping[str, Any]
+    reads: dict[str, str] = {}
+    records: dict[str, Any] = {}
+
+    def __post_init__(self) -> None:
+        for file in self.reads:
+            if os.path.isabs(file) or ".." in file.split("/") or "\0" in file:
+                raise ValueError(f"expected `reads` to contain paths inside the workspace, found {file!r}")
+
+
+class LockedFile(FrozenStruct):
+    """The entry of a part that is a file: the state of the file's content, and the part record."""
+
+    content: str
+    record: Any
 
 
 class Lock(FrozenStruct):
     """A parsed lock file.
 
-    `things` is keyed by `module:Class`. `files` contains the parts that are files, by path in the workspace. Each value consists of the
-    state of the file's content and the part record. `others` contains classes that the workspace can use but that are not Things. Records
-    and schemas are only validated when they are requested.
+    `things` is keyed by `module:Class`. `files` contains the parts that are files, by definition text. `others` contains classes that the
+    workspace can use but that are not parts.
     """
 
-    file: str
-    sha256: str
-    things: Mapping[str, LockedThing]
-    files: Mapping[str, tuple[str, Any]]
-    others: frozenset[str]
-    _schemas: dict[str, PartSchema] = {}
+    thingc: Literal["lock/1"]
+    file: str = ""
+    sha256: str = ""
+    things: dict[str, LockedThing] = {}
+    files: dict[str, LockedFile] = {}
+    others: frozenset[str] = frozenset()
 
     def schema(self, reference: str) -> PartSchema | None:
         """Return the schema of the part `module:Class` from the lock file, without the location of the class.
@@ -64,25 +77,21 @@ class Lock(FrozenStruct):
         Return None if the lock file does not contain the class. Raises `BadLock` if the lock file contains an invalid value.
         """
         thing = self.things.get(reference)
-        if thing is None:
-            return None
-        if reference not in self._schemas:
-            self._schemas[reference] = read_schema(reference, thing.values, f"things.{reference}")
-        return self._schemas[reference]
+        return None if thing is None else thing.schema(reference, f"things.{reference}")
 
     def record(self, definition: PartDefinition, code: tuple[str, int] | None = None) -> PartRecord | None:
         """Return the record of a part definition, or None if the lock file does not contain it.
 
         Raises `BadLock` if the lock file contains an invalid value.
         """
+        text = definition.text
         if definition.kind == "file":
-            held = self.files.get(definition.text)
-            return None if held is None else read_record(definition.text, held[1], f"files.{definition.text}.record", None)
+            held = self.files.get(text)
+            return None if held is None else read_record(text, held.record, f"files.{text}.record", None)
         thing = self.things.get(definition.reference)
-        values = None if thing is None else thing.records.get(definition.text)
-        if values is None:
+        if thing is None or text not in thing.records:
             return None
-        return read_record(definition.text, values, f"things.{definition.reference}.records.{definition.text}", code)
+        return read_record(text, thing.records[text], f"things.{definition.reference}.records.{text}", code)
 
     def relatives(self, reference: str, code: tuple[str, int] | None = None) -> Iterable[PartRecord]:
         """Yield the records of the part `module:Class` in the lock file, for all parameter values in the file.
@@ -167,7 +176,7 @@ def parse_lock(path: str, data: bytes) -> Lock:
     if len(data) > MAX_BYTES:
         raise BadLock("", f"the file has more than {MAX_BYTES} bytes")
     try:
-        value = json.loads(data.decode("utf-8"), object_pairs_hook=_once, parse_constant=_refuse)
+        value = json.loads(data.decode("utf-8"), object_pairs_hook=_once, parse_float=_finite, parse_constant=_refuse)
     except UnicodeDecodeError:
         raise BadLock("", "the file is not UTF-8") from None
     except RecursionError:
@@ -176,19 +185,7 @@ def parse_lock(path: str, data: bytes) -> Lock:
         raise BadLock("", f"line {fault.lineno}, column {fault.colno} is not valid JSON") from None
     except ValueError:
         raise BadLock("", "a whole number in the file has too many digits") from None
-    table = LockValue(value, "")
-    if table["thingc"].value != VERSION:
-        raise table["thingc"].fault(f'expected "{VERSION}"')
-    things = {
-        reference: LockedThing(
-            code=thing["code"].text(), reads=_states(thing.get("reads", {})), values=thing.mapping(),
-            records=thing.get("records", {}).mapping(),
-        )
-        for reference, thing in table.get("things", {}).entries()
-    }
-    files = {file: (of_file["content"].text(), of_file["record"].value) for file, of_file in table.get("files", {}).entries()}
-    others = frozenset(table.get("others", []).texts())
-    return Lock(file=path, sha256=hashlib.sha256(data).hexdigest(), things=things, files=files, others=others)
+    return replace(read_value(value, Lock, ""), file=path, sha256=hashlib.sha256(data).hexdigest())
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -202,9 +199,8 @@ def _refuse(word: str) -> NoReturn:
     raise BadLock("", f"`{word}` is not a number")
 
 
-def _states(value: LockValue) -> dict[str, str]:
-    states = value.mapping()
-    for file, state in states.items():
-        if not isinstance(state, str) or os.path.isabs(file) or ".." in file.split("/") or "\0" in file:
-            raise value.fault("expected a mapping from paths inside the workspace to file hashes")
-    return dict(states)
+def _finite(digits: str) -> float:
+    number = float(digits)
+    if not math.isfinite(number):
+        raise BadLock("", f"`{digits[:20]}` is too large")
+    return number

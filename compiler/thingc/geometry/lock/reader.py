@@ -102,7 +102,7 @@ class LockAnswers:
         """
         if definition.kind == "file":
             held = self.lock.files.get(definition.text)
-            if held is None or self.state(definition.reference, "file:") != held[0]:
+            if held is None or self.state(definition.reference, "file:") != held.content:
                 return None
         elif not self.current(definition.reference):
             return None

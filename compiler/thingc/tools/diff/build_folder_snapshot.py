@@ -11,7 +11,8 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.base.source import line_of
-from thingc.geometry.lock.lock import read_lock_file
+from thingc.geometry.lock.json_format import BadLock
+from thingc.geometry.lock.lock import Lock, read_lock_file, report_bad
 from thingc.geometry.record import ActuatorRecord, PartRecord
 from thingc.targets.artifact import MANIFEST
 from thingc.tools.diff.snapshot import ComponentNode, Fact, OccurrenceSnapshot, Row, Snapshot, SnapshotElement, Value, field_values
@@ -99,8 +100,15 @@ def snapshot_of_lock(path: str) -> Snapshot:
     """
     report = Report()
     lock = read_lock_file(path, report)
-    if lock is None:
-        raise UnreadableSide(f"`{path}` cannot be read", tuple(report.sorted_diagnostics()))
+    if lock is not None:
+        try:
+            return _of_lock(path, lock)
+        except BadLock as fault:
+            report_bad(path, fault, report)
+    raise UnreadableSide(f"`{path}` cannot be read", tuple(report.sorted_diagnostics()))
+
+
+def _of_lock(path: str, lock: Lock) -> Snapshot:
     things: dict[str, SnapshotElement] = {}
     occurrences: dict[str, OccurrenceSnapshot] = {}
     for reference in sorted(lock.things):
