@@ -215,6 +215,7 @@ def test_rezero_keeps_the_encoder_values_of_all_positions(here: Path, capsys: py
     text = GOOD + "  slide: {id: 4, offset: 500, sign: -1, resolution: 0.02 mm}\n"
     (here / "left.calibration.yaml").write_text(text)
     (here / "other.yaml").write_text("thingc: calibration/1\njoints: {pan: {id: 1, offset: 7, ticks_per_turn: 100}}\n")
+    (here / "duo.yaml").write_text("thingc: calibration/1\njoints: {left.lift: {id: 1, offset: 7, ticks_per_turn: 100}}\n")
     (here / "unrelated.yaml").write_text("thingc: calibration/1\njoints: {thumb: {id: 1, offset: 7, ticks_per_turn: 100}}\n")
     old = table(here)
     words = ["pan=-90 deg", "lift=30 deg", "slide=-7 mm", "--flip", "lift", "--flip", "slide", "--calibration", "left.calibration.yaml"]
@@ -224,6 +225,7 @@ def test_rezero_keeps_the_encoder_values_of_all_positions(here: Path, capsys: py
     out = capsys.readouterr().out
     assert "left.calibration.yaml: joints.slide.offset: 500 -> 850" in out, out
     assert "warning[TC801]: `other.yaml` also contains these joints" in out and "--calibration other.yaml" in out, out
+    assert "warning[TC801]: `duo.yaml` also contains these joints" in out  # the calibration of a robot that nests the arm
     assert "unrelated" not in out
     new = table(here)
     assert new["wheel"] == old["wheel"]

@@ -94,7 +94,7 @@ def rezero(
 
 def _warn_unchanged(calibration: Document) -> Diagnostic:
     message = f"`{calibration.relative}` also contains these joints, and was not changed"
-    help = f"if it is a calibration of this robot, use `--calibration {shown_path(calibration.path)}`"
+    help = f"for a calibration of this robot, use `--calibration {shown_path(calibration.path)}`; for other robots, edit the file by hand"
     span = calibration.span(("joints",), key=True)
     return Diagnostic(code=Code.COMMAND_LINE, severity=Severity.WARNING, message=message, help=help, span=span)
 
@@ -120,7 +120,8 @@ def _sound(document: str, options: Options) -> Compilation:
 
 
 def _documents_with(root: Document, shifts: Sequence[JointShift]) -> Iterator[Document]:
-    """Yield the assemblies of the workspace that use the document `root`, and the calibrations that contain a joint of its name.
+    """Yield the assemblies of the workspace that use the document `root`, and the calibrations that contain a joint of its name, also in
+    a nested document.
 
     Raises `ShiftRefused` for a variants document that sets values of the joints, and for a file that names the document but cannot be read.
     """
@@ -134,7 +135,8 @@ def _documents_with(root: Document, shifts: Sequence[JointShift]) -> Iterator[Do
             _check_unrelated(path, root, report)
         if documents is None or path == root.path:
             continue
-        of_joints = any(shift.joint in entries_of(node_at(documents.root.tree, ("joints",))) for shift in shifts)
+        names = {name.rpartition(".")[2] for name in entries_of(node_at(documents.root.tree, ("joints",)))}  # also `left.knee`
+        of_joints = any(shift.joint in names for shift in shifts)
         if documents.root.kind == "calibration" and of_joints or any(one.path == root.path for one in documents.by_path.values()):
             yield documents.root
         if documents.root.kind == "variants":
