@@ -72,6 +72,11 @@ class Reader:
     refuses: str = ""
     floats: bool = False
 
+    def environment(self, folder: Path) -> Path | None:
+        """Return the Python interpreter of the environment of the reader in a folder, or None if the reader is not available."""
+        place = folder / f"env-{'-'.join(self.packages).replace('==', '-')}"
+        return environment(place, self.packages, self.needs, alone=self.alone)
+
 
 READERS = (
     Reader(
@@ -301,10 +306,9 @@ def built(path: Path, folder: Path, *options: str) -> None:
 
 def judged(reader: Reader, folder: Path, asked: Sequence[tuple[str, Question]]) -> tuple[str, dict[str, Judged]]:
     """Run a reader. Return its version, and its results by group. If the reader is not available, return the reason and no results."""
-    place = folder / f"env-{'-'.join(reader.packages).replace('==', '-')}"
-    python = environment(place, reader.packages, reader.needs, alone=reader.alone)
+    python = reader.environment(folder)
     if python is None:
-        return f"cannot be had here ({' '.join(reader.packages or reader.needs)})", {}
+        return f"not available ({' '.join(reader.packages or reader.needs)})", {}
     requests, answers = folder / f"{reader.name}_asked.json", folder / f"{reader.name}.json"
     requests.write_text(json.dumps([one.request for _, one in asked]))
     subprocess.run([str(python), str(HERE / f"ask_{reader.name.replace('-', '_')}.py"), str(requests), str(answers)], check=True, cwd=HERE)

@@ -49,14 +49,14 @@ def together(model: mujoco.MjModel, fields: Mapping[str, Any], count: int, steps
     not available.
     """
     sys.path.insert(0, str(ROOT / "benchmarks" / "conformance"))
-    from study import READERS, environment
+    from study import READERS
 
     folder = ROOT / "build" / "conformance"
     folder.mkdir(parents=True, exist_ok=True)
     (reader,) = (one for one in READERS if one.name == "warp")
-    python = environment(reader, folder)
+    python = reader.environment(folder)
     if python is None:
-        raise SystemExit(f"MuJoCo Warp cannot be had here ({' '.join(reader.packages)})")
+        raise SystemExit(f"MuJoCo Warp is not available ({' '.join(reader.packages)})")
     with tempfile.TemporaryDirectory() as scratch:
         files = [str(Path(scratch) / name) for name in ("model.mjb", "fields.npz", "found.npy")]
         mujoco.mj_saveModel(model, files[0])
