@@ -106,10 +106,9 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
     ]
     lines += console.table(rows, right=(2,))
     for robot in robots:
-        data = mode_data(robot)
         lines.append("")
         stands = f", on the floor with its root at {console.millimetres(robot.mode.at.translation)} mm" if robot.mode.on_floor else ""
-        lines.append(f"mode {robot.mode.name}: root {data['root']}, base {robot.base}{stands}")
+        lines.append(f"mode {robot.mode.name}: root {robot.mode.root.path}, base {robot.base}{stands}")
         for body in robot.bodies:
             name = assembly.links[body.link].name
             if body.parent is None or body.mate is None:

@@ -22,6 +22,10 @@ CHECKOUT = "working tree"
 _FILES = frozenset({"document", "model"})
 
 
+REBUILD = "build the folder again, or compare documents"
+"""Help text for a build folder that cannot be compared."""
+
+
 class UnknownComparison(UserError):
     """Raised if an argument of `thingc diff` is neither a git revision nor a path that can be compared."""
 

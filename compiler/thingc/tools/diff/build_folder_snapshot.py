@@ -9,31 +9,22 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Diagnostic, Report
+from thingc.base.diagnostics import Report
 from thingc.base.source import line_of
 from thingc.geometry.lock.json_format import BadLock
 from thingc.geometry.lock.lock import Lock, read_lock_file, report_bad
 from thingc.geometry.record import ActuatorRecord, PartRecord
 from thingc.targets.artifact import MANIFEST
+from thingc.tools.diff.arguments import REBUILD, UnknownComparison
+from thingc.tools.diff.cached_snapshots import BrokenDocument
 from thingc.tools.diff.snapshot import ComponentNode, Fact, OccurrenceSnapshot, Row, Snapshot, SnapshotElement, Value, field_values
 
 OF_BUILDS = "parameters, mates, limits, drives, poses, materials, sensors, mounts, geometry and tests, which are not in a build folder"
 OF_LOCKS = "content of documents, which is not in a lock file"
 
 
-class UnreadableSide(Exception):
-    """Raised if a build folder or a file cannot be compared.
-
-    The message explains the reason. For a lock file, `diagnostics` contains the errors in the file.
-    """
-
-    def __init__(self, message: str, diagnostics: tuple[Diagnostic, ...] = ()) -> None:
-        super().__init__(message)
-        self.diagnostics = diagnostics
-
-
 def snapshot_of_build(folder: str) -> Snapshot:
-    """Create a snapshot from a build folder, which contains the outputs of `thingc build`. Raises `UnreadableSide`.
+    """Create a snapshot from a build folder, which contains the outputs of `thingc build`. Raises `UnknownComparison`.
 
     The snapshot contains the components with their definitions and masses, the modes, the joints, the bill of materials and the print
     files.
@@ -43,7 +34,8 @@ def snapshot_of_build(folder: str) -> Snapshot:
     try:
         return _of_build(manifest, modes, rows)
     except (KeyError, TypeError, AttributeError) as fault:
-        raise UnreadableSide(f"`{folder}` was not built by this version of thingc: {type(fault).__name__}: {fault}") from fault
+        message = f"`{folder}` was not built by this version of thingc: {type(fault).__name__}: {fault}"
+        raise UnknownComparison(message, REBUILD) from fault
 
 
 def _of_build(manifest: Mapping[str, Any], modes: Mapping[str, Any], rows: list[Any]) -> Snapshot:
@@ -94,7 +86,7 @@ def outline(snapshot: Snapshot) -> Snapshot:
 
 
 def snapshot_of_lock(path: str) -> Snapshot:
-    """Create a snapshot from a lock file. Raises `UnreadableSide`.
+    """Create a snapshot from a lock file. Raises `BrokenDocument` for a lock file with errors.
 
     The snapshot contains the parameters of each part with defaults and bounds, and the properties and shapes of all its definitions.
     """
@@ -105,7 +97,7 @@ def snapshot_of_lock(path: str) -> Snapshot:
             return _of_lock(path, lock)
         except BadLock as fault:
             report_bad(path, fault, report)
-    raise UnreadableSide(f"`{path}` cannot be read", tuple(report.sorted_diagnostics()))
+    raise BrokenDocument(report.sorted_diagnostics())
 
 
 def _of_lock(path: str, lock: Lock) -> Snapshot:
@@ -178,7 +170,7 @@ def _json(folder: str, name: str, kind: type, otherwise: Any = None) -> Any:
         with open(path, encoding="utf-8") as stream:
             value = json.load(stream)
     except (OSError, ValueError) as fault:
-        raise UnreadableSide(f"`{path}` cannot be read: {fault}") from fault
+        raise UnknownComparison(f"`{path}` cannot be read: {fault}", REBUILD) from fault
     if not isinstance(value, kind):
-        raise UnreadableSide(f"`{path}` was not built by this version of thingc")
+        raise UnknownComparison(f"`{path}` was not built by this version of thingc", REBUILD)
     return value

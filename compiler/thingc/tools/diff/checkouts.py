@@ -18,7 +18,7 @@ from thingc.base.suggestions import did_you_mean
 from thingc.driver.environment import Options
 from thingc.tools.affected.dependents import affected_documents, changed_paths
 from thingc.tools.diff.arguments import ComparisonRequest, SideKind, UnknownComparison
-from thingc.tools.diff.build_folder_snapshot import UnreadableSide, outline, snapshot_of_build, snapshot_of_lock
+from thingc.tools.diff.build_folder_snapshot import outline, snapshot_of_build, snapshot_of_lock
 from thingc.tools.diff.cached_snapshots import BrokenDocument, Subject
 from thingc.tools.diff.comparison import Comparison, compare
 from thingc.tools.diff.revisions import Repository, Revision
@@ -151,16 +151,19 @@ def compare_versions(
         sides: list[Subject | Snapshot] = []
         homes: list[SourceOf] = []
         for laid, name in ((both.old, names[0]), (both.new, names[1])):
+            side: Subject | Snapshot
+            home: SourceOf | None = None
             try:
                 if laid.kind == "model":
-                    robot, home = read_completely(laid, options, partial(_robot_file, laid, options, source, stack))
-                    sides.append(robot)
-                    homes.append(partial(_at_home, laid, home))
+                    side, home = read_completely(laid, options, partial(_robot_file, laid, options, source, stack))
+                elif laid.kind == "document":
+                    side = stack.enter_context(subject(laid, options))
                 else:
-                    sides.append(_snapshot(laid) if laid.kind != "document" else stack.enter_context(subject(laid, options)))
-                    homes.append(partial(_at_home, laid, lambda span: span))
+                    side = snapshot_of_build(laid.path) if laid.kind == "build" else snapshot_of_lock(laid.path)
             except BrokenDocument as broken:
                 raise broken_side(laid, name, broken) from broken
+            sides.append(side)
+            homes.append(partial(_at_home, laid, home))
         old, new = sides
         answer = _compare_robots(old, new, options, tests=tests)
         if answer.changes and isinstance(old, Subject) and isinstance(new, Subject):
@@ -199,19 +202,6 @@ def _same_mechanism(old: Subject, new: Subject) -> str:
     return summary(result) if result.same and zeros_of(result) else ""
 
 
-def _snapshot(laid: Checkout) -> Snapshot:
-    """Create a snapshot from a build folder or a lock file.
-
-    Raises `UnknownComparison`, and `BrokenDocument` for a lock file with errors.
-    """
-    try:
-        return snapshot_of_build(laid.path) if laid.kind == "build" else snapshot_of_lock(laid.path)
-    except UnreadableSide as fault:
-        if fault.diagnostics:
-            raise BrokenDocument(fault.diagnostics) from fault
-        raise UnknownComparison(str(fault), "build the folder again, or compare documents") from fault
-
-
 def subject(laid: Checkout, options: Options) -> Subject:
     """Compile a document of one side of the comparison. Raises `BrokenDocument`."""
     return read_completely(laid, options, lambda: Subject(laid.path, options))
@@ -239,8 +229,8 @@ def _robot_file(laid: Checkout, options: Options, source: ImportRequest, stack: 
     return robot, partial(document.source_span, root=robot.document)
 
 
-def _at_home(laid: Checkout, source: SourceOf, span: Span) -> Span | None:
-    found = source(span)
+def _at_home(laid: Checkout, source: SourceOf | None, span: Span) -> Span | None:
+    found = span if source is None else source(span)
     return found and replace(found, file=laid.home(found.file))
 
 

@@ -8,7 +8,7 @@ from thingc.base.diagnostics import Severity
 from thingc.driver.environment import Options
 from thingc.modes.errors import ModesError
 from thingc.modes.modes_file import load_modes
-from thingc.tools.diff.arguments import UnknownComparison
+from thingc.tools.diff.arguments import REBUILD, UnknownComparison
 from thingc.tools.diff.cached_snapshots import BrokenDocument
 from thingc.tools.diff.checkouts import Checkout, DocumentPair, broken_side, read_completely, subject
 from thingc.tools.importing.import_request import ImportRequest
@@ -42,7 +42,7 @@ def read_side(laid: Checkout, options: Options, source: ImportRequest = NO_MESHE
             try:
                 modes = load_modes(laid.path)
             except (FileNotFoundError, ModesError) as fault:
-                raise UnknownComparison(str(fault), "build the folder again, or compare documents") from fault
+                raise UnknownComparison(str(fault), REBUILD) from fault
             return mechanism_of_mode(os.path.basename(laid.path), next(iter(modes.values())))
         case "lock":
             raise UnknownComparison(f"`{laid.path}` is a lock file, which contains no joints", "compare documents or build folders")
