@@ -387,8 +387,10 @@ def test_recordable_numbers_go_through_numeric() -> None:
     assert found == INDICES_AND_CONSTANTS
 
 
-def test_importing_thingc_is_light() -> None:
-    program = "import sys, json, thingc; print(json.dumps(sorted(sys.modules)))"
+def test_importing_thingc_and_cluster_workers_is_light() -> None:
+    """A process that a cluster starts only starts runners."""
+    names = "thingc, thingc.batch.cluster.dask_executor, thingc.batch.cluster.remote_workers, thingc.batch.cluster.slurm"
+    program = f"import sys, json, {names}; print(json.dumps(sorted(sys.modules)))"
     loaded = json.loads(subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout)
     heavy = {name.split(".")[0] for name in loaded} & (KERNEL | HEAVY | {"pydantic", "yaml"})
     assert not heavy

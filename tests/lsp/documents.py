@@ -16,6 +16,7 @@ class Documents:
     def __init__(self, store: str) -> None:
         self.woken = 0
         self._opened = OpenDocuments(Options(store=store, lock=True, code=True), lambda *_: None, _raise, self._wake)
+        self._opened.close()  # otherwise, a thread would look for changed files until the process ends
 
     def _wake(self) -> None:
         self.woken += 1

@@ -30,7 +30,7 @@ def robots(root: Path, shared_store: str, tmp_path_factory: pytest.TempPathFacto
     def made(name: str) -> Modes:
         if name == "minchw":
             minchw = str(root / "assemblies/minchw/minchw.yaml")
-            compiled_modes = thingc.compile(minchw, store=shared_store, modes=["front_foot", "rear_foot", "bridge"]).modes
+            compiled_modes = thingc.compile(minchw, store=shared_store, modes=["rear_foot", "bridge"]).modes
             return Modes.parse(next(iter(compiled_modes.values())).files["modes.json"])
         if name in DOCUMENTS:
             return Modes.parse(compiled(tmp_path_factory.mktemp(name), DOCUMENTS[name]).text("modes.json"))
@@ -57,7 +57,6 @@ def states(mode: Mode, seed: int = 1) -> State:
 
 
 CASES = [
-    ("minchw", "front_foot", "rear_foot", "drop"),
     ("minchw", "rear_foot", "bridge", "drop"),
     ("mimics", "free_0", "held_5", "impact"), ("chain", "float", "bridge", "impact"), ("chain", "near", "pinned", "impact"),
     ("bars", "ground_free", "crank_held", "impact"), ("balls", "loose", "last", "impact"), ("balls", "first", "loose", "drop"),

@@ -17,12 +17,12 @@ from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
 from thingc.base.suggestions import Suggestion
 from thingc.batch.families import NoModel
 from thingc.batch.job import Job
-from thingc.batch.planning import Variant
 from thingc.batch.plans.part_exchange import TracedParts
 from thingc.batch.plans.refusals import DiagnosticsTemplate
 from thingc.batch.plans.tape import Tape
 from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult
 from thingc.batch.runner import Runner
+from thingc.batch.variant import Variant
 from thingc.driver import pipeline
 from thingc.model.resolve.resolver import Settings
 

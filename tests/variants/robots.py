@@ -17,8 +17,8 @@ import pytest
 from conformance.harness import thingc_here
 from thingc.batch import batch
 from thingc.batch.job import Job
-from thingc.batch.planning import Variant
 from thingc.batch.runner import Runner
+from thingc.batch.variant import Variant
 
 PENDULUM = """
     thingc: assembly/1

@@ -22,10 +22,10 @@ from thingc.batch import BatchFault, Summary, plan, run
 from thingc.batch.build_records import in_order
 from thingc.batch.folder_layout import Journal, lines
 from thingc.batch.job import job_of
-from thingc.batch.planning import Variant
 from thingc.batch.plans.planner import Planner
 from thingc.batch.plans.refusals import Refusals
 from thingc.batch.runner import Runner
+from thingc.batch.variant import Variant
 from thingc.driver.environment import Options
 from thingc.driver.session import Session
 from thingc.tools.cli.main import main

@@ -17,10 +17,11 @@ from thingc.base.exports import getattr_of
 if TYPE_CHECKING:
     from thingc.batch.batch import run
     from thingc.batch.folder import BatchFault
-    from thingc.batch.planning import Plan, PlanError, Variant
+    from thingc.batch.planning import Plan, PlanError
     from thingc.batch.progress import Interrupted, Progress, Summary
     from thingc.batch.results import BatchResults, BuiltVariant, FamilyError, UnknownVariant, load
     from thingc.batch.shared_model import StructuresDiffer, apply, fields, write
+    from thingc.batch.variant import Variant
     from thingc.batch.variants_document import plan, read_plan
 
 __all__ = [
@@ -31,6 +32,6 @@ __all__ = [
 __getattr__ = getattr_of(__name__, {
     "BatchFault": "folder", "BuiltVariant": "results", "BatchResults": "results", "FamilyError": "results", "Interrupted": "progress",
     "StructuresDiffer": "shared_model", "Plan": "planning", "PlanError": "planning", "Progress": "progress", "Summary": "progress",
-    "UnknownVariant": "results", "Variant": "planning", "apply": "shared_model", "fields": "shared_model", "load": "results",
+    "UnknownVariant": "results", "Variant": "variant", "apply": "shared_model", "fields": "shared_model", "load": "results",
     "plan": "variants_document", "read_plan": "variants_document", "run": "batch", "write": "shared_model",
 })

@@ -47,10 +47,11 @@ from thingc.batch.job import STOPPED, Row, describe, digest_files, job_of, row
 from thingc.batch.packed_layout import PackedWriter, sealed_path
 from thingc.batch.page import parameter_columns, show, write_page
 from thingc.batch.pictures import OnPicture, usual
-from thingc.batch.planning import Plan, Variant
+from thingc.batch.planning import Plan
 from thingc.batch.progress import Interrupted, OnProgress, Progress, Summary
 from thingc.batch.run_options import RunOptions, check, check_engine, read_plan
 from thingc.batch.tables import Column, columns, write_tables
+from thingc.batch.variant import Variant
 from thingc.driver.environment import Options, store_of
 from thingc.targets.artifact import HOW
 

@@ -21,7 +21,8 @@ from thingc.batch import folder_layout
 from thingc.batch.folder import BatchFault, in_words, read_batch, whole
 from thingc.batch.folder_layout import Line
 from thingc.batch.packed_layout import Chunk, Chunks, is_packed, numbers
-from thingc.batch.planning import Plan, Variant
+from thingc.batch.planning import Plan
+from thingc.batch.variant import Variant
 from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 
 MESHES = "mjcf/assets/"

@@ -18,9 +18,10 @@ from thingc.base.memo import Memo
 from thingc.batch.families.evaluation import Evaluation, Item
 from thingc.batch.families.results import Evaluated
 from thingc.batch.measurements import Results
-from thingc.batch.planning import Plan, Variant
+from thingc.batch.planning import Plan
 from thingc.batch.plans.part_exchange import PartDependsOnNumber, numbers_of
 from thingc.batch.plans.refusals import Refusals
+from thingc.batch.variant import Variant
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation

@@ -18,7 +18,7 @@ from msgspec.structs import asdict
 from thingc.base.diagnostics import Code
 from thingc.base.json_lines_process import JsonLinesProcess, ProcessLost
 from thingc.batch.job import STOPPED, Job, Row, row
-from thingc.batch.planning import Variant
+from thingc.batch.variant import Variant
 
 LOADING = 120.0
 """Time limit [s] for a runner process to read the documents."""

@@ -9,7 +9,7 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msgspec import convert
 from msgspec.structs import asdict
@@ -17,10 +17,13 @@ from msgspec.structs import asdict
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch import folder_layout
 from thingc.batch.folder import PACKED
-from thingc.batch.planning import OUTSIDE, Plan, Variant
-from thingc.batch.tables import Column
+from thingc.batch.variant import OUTSIDE, Variant
 from thingc.driver.environment import Options
 from thingc.targets.manifest import versions
+
+if TYPE_CHECKING:
+    from thingc.batch.planning import Plan
+    from thingc.batch.tables import Column
 
 STOPPED = "stopped"
 """The status of a row that ends the batch, because files can no longer be written or read for a reason other than the variant."""

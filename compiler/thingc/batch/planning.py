@@ -25,6 +25,7 @@ from thingc.base.units import Dimension, Quantity
 from thingc.batch.axes import Axis
 from thingc.batch.rules import Rule
 from thingc.batch.values import Paths, identity
+from thingc.batch.variant import Variant
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, plain
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.expressions.value_text import text_of
@@ -70,10 +71,6 @@ def points(method: Method, dimensions: int, count: int, seed: int) -> Iterator[t
             yield tuple(row.tolist())
 
 
-OUTSIDE = "outside:"
-"""Prefix of the paths of input files outside the workspace."""
-
-
 class PlanError(Exception):
     """Raised if a variants document has errors. `diagnostics` contains all errors and warnings.
 
@@ -83,24 +80,6 @@ class PlanError(Exception):
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         super().__init__("\n" + as_text(diagnostics))
         self.diagnostics = tuple(diagnostics)
-
-
-class Variant(OneLineRepr, FrozenStruct):
-    """A planned variant of a robot. `index` is the position of the variant in the plan, and `id` identifies the settings of the variant.
-
-    The id consists of 12 hexadecimal digits of the SHA-256 of the settings. `parameters` and `choices` contain the settings for `thingc
-    build -p` and `--set`, in the units of the documents. Settings that equal the values in the assembly document are omitted. `values`
-    contains all parameters of the assembly, and all values that are set by path [SI]. `failed` is the first rule that the parameters
-    violate, or None.
-    """
-
-    index: int
-    id: str
-    name: str
-    parameters: Mapping[str, str]
-    choices: Mapping[str, str]
-    values: Mapping[str, Value]
-    failed: str | None = None
 
 
 class Setting(FrozenStruct):

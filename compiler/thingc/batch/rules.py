@@ -11,7 +11,6 @@ from thingc.base.suggestions import Hint, did_you_mean, text_of
 from thingc.base.units import INERTIA, LENGTH, MASS, NUMBER, Dimension, Quantity
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate
 from thingc.documents.expressions.terms import Expression, ExpressionError
-from thingc.documents.spec.validation_messages import within
 
 RESULTS: dict[str, Dimension] = {
     "mass": MASS, **dict.fromkeys(("centre.x", "centre.y", "centre.z"), LENGTH),
@@ -162,5 +161,7 @@ def _of_one_dimension(report: Report, document: Document, path: Path, rule: Rule
 
 
 def _report(report: Report, document: Document, path: Path, message: Hint, offset: int, end: int, help: Hint | None) -> None:
+    from thingc.documents.spec.validation_messages import within  # imports pydantic
+
     where = within(document, path, offset, end) or document.span(path)
     report.add(Code.RULE, message, where, help=help, path=f"keep[{path[-1]}]")

@@ -27,9 +27,9 @@ from thingc.batch.folder_layout import keep_asset, write_variant
 from thingc.batch.job import STOPPED, Job, Row, refusal, row
 from thingc.batch.measurements import Results, UnknownMount, measure
 from thingc.batch.packed_layout import FILES, SHARED
-from thingc.batch.planning import Variant
 from thingc.batch.plans.build_templates import Builds
 from thingc.batch.rules import Rule, unkept
+from thingc.batch.variant import Variant
 from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.driver.environment import Options

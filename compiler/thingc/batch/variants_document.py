@@ -13,9 +13,10 @@ from thingc.base.suggestions import Hint, did_you_mean
 from thingc.base.units import shorten
 from thingc.batch import values
 from thingc.batch.axes import MOST_VALUES, Axis, AxisParser
-from thingc.batch.planning import OUTSIDE, Plan, PlanError, Setting, rebase_path
+from thingc.batch.planning import Plan, PlanError, Setting, rebase_path
 from thingc.batch.rules import Rule, read_rules
 from thingc.batch.values import unit_in
+from thingc.batch.variant import OUTSIDE
 from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.documents.load.documents import load
 from thingc.documents.load.paths import find_assembly

@@ -37,7 +37,7 @@ from thingc.batch.folder import BatchFault
 from thingc.batch.folder_layout import SharedAssets, asset_path, keep_asset, write_variant
 from thingc.batch.job import STOPPED, Job, Row, refusal, store_here
 from thingc.batch.packed_layout import FILES, SHARED, is_packed
-from thingc.batch.planning import Variant
+from thingc.batch.variant import Variant
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable
 from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 

@@ -24,7 +24,7 @@ from thingc.batch.cluster.protocol import Cluster, missing
 from thingc.batch.engine import LocalExecutor, RunnersBroken, evaluate
 from thingc.batch.folder import BatchFault
 from thingc.batch.job import Row
-from thingc.batch.planning import Variant
+from thingc.batch.variant import Variant
 
 T = TypeVar("T")
 

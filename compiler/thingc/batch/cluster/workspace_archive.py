@@ -20,13 +20,17 @@ import tarfile
 import zlib
 from collections import Counter
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from thingc.base.diagnostics import Code
 from thingc.base.filesystem import check_tree
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch.folder import BatchFault, read_batch
-from thingc.batch.planning import OUTSIDE, Plan
+from thingc.batch.variant import OUTSIDE
 from thingc.documents.workspace import OWN_FILE, Workspace
+
+if TYPE_CHECKING:
+    from thingc.batch.planning import Plan
 
 MOST_BYTES = 100_000_000
 """Maximum total size [bytes] of the files in an archive."""

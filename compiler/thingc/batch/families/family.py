@@ -18,13 +18,13 @@ from thingc.batch.families.models import ModelsOfMode
 from thingc.batch.families.results import Evaluated, Explanation, NoModel
 from thingc.batch.families.search_space import SearchSpace
 from thingc.batch.measurements import SITE, TEST, TESTED, TORQUES
-from thingc.batch.planning import Variant
 from thingc.batch.plans.build_templates import Builds
 from thingc.batch.plans.numeric_plan import PlanCache
 from thingc.batch.plans.refusals import Refusals
 from thingc.batch.results import FamilyError
 from thingc.batch.run_options import as_names, at_least, is_whole
 from thingc.batch.values import unit_in
+from thingc.batch.variant import Variant
 from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.driver.api import CompileError
