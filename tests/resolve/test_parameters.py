@@ -165,10 +165,10 @@ def test_parameters_can_be_queried_by_other_code(tmp_path: Path) -> None:
         said.append((name, code, message))
 
     assert parameters.name == "arm" and parameters.values["half"] == Quantity(0.05, LENGTH)
-    assert parameters.fitting("reach", Quantity(0.06, LENGTH), complain) == Quantity(0.06, LENGTH) and not said
-    assert parameters.fitting("reach", Quantity(0.05, LENGTH), complain) is None
-    assert parameters.fitting("open", "wide", complain) is None
-    assert parameters.fitting("reech", Quantity(0.06, LENGTH), complain) is None
+    assert parameters.check_value("reach", Quantity(0.06, LENGTH), complain) == Quantity(0.06, LENGTH) and not said
+    assert parameters.check_value("reach", Quantity(0.05, LENGTH), complain) is None
+    assert parameters.check_value("open", "wide", complain) is None
+    assert parameters.check_value("reech", Quantity(0.06, LENGTH), complain) is None
     assert said == [
         ("reach", Code.OUT_OF_RANGE, "parameter `reach` must be at least 60 mm, found `50 mm`"),
         ("open", Code.VALUE_KIND, "parameter `open` of `arm` must be `true` or `false`, found a string (`wide`)"),

@@ -20,7 +20,7 @@ from thingc.base.suggestions import Hint, Suggestion, text_of
 
 
 class Severity(str, Enum):
-    """The severity of a diagnostic. Only errors stop a build. With `--strict`, warnings also stop a build."""
+    """The severity of a diagnostic. By default, only errors stop a build. With `--strict`, warnings also stop a build."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -28,7 +28,7 @@ class Severity(str, Enum):
 
 
 class Stage(str, Enum):
-    """The commands that can report a warning. Each diagnostic code that can be a warning belongs to one of these commands."""
+    """A command that can report warnings. Each diagnostic code that can be a warning belongs to one command."""
 
     CHECK = "check"
     BUILD = "build"
@@ -314,15 +314,14 @@ def make_notes(message: str, origin: Origin) -> tuple[Note, ...]:
     return (Note(message=message, span=origin[0]),) if origin else ()
 
 
-def first_notes(notes: Sequence[Note], most: int, noun: str) -> list[Note]:
-    """Return the first notes, and a note with the number of the others: `and 3 more parts` for the noun `more part`."""
-    more = [Note(message=f"and {format_count(len(notes) - most, noun)}")] if len(notes) > most else []
-    return [*notes[:most], *more]
+def first_notes(notes: Sequence[Note], limit: int, noun: str) -> list[Note]:
+    """Return the first `limit` notes. If there are more, a last note states their number: `and 3 more parts` for the noun `more part`."""
+    remaining = [Note(message=f"and {format_count(len(notes) - limit, noun)}")] if len(notes) > limit else []
+    return [*notes[:limit], *remaining]
 
 
 class Diagnostic(OneLineRepr, FrozenStruct):
     """A diagnostic: an error, a warning or a note about a document, a part or the command line.
-
 
     `path` is the key path in the document, or the path of the occurrence or joint. `detail` (such as the traceback of a part) is shown only
     with `--debug`. `fixes` are unambiguous edits for `thingc check --fix`. If `allow` is true, the output also shows how to suppress the
@@ -471,7 +470,7 @@ class Report:
 
     @property
     def failed(self) -> bool:
-        """Return whether the report contains at least one error."""
+        """Whether the report contains at least one error."""
         return any(d.severity is Severity.ERROR for d in self.diagnostics)
 
     def sorted_diagnostics(self) -> list[Diagnostic]:
@@ -508,8 +507,8 @@ MAX_FAULTS = 200
 """Maximum number of faults reported per document or pass."""
 
 
-def _fixes(span: Span | None, *words: Hint | None) -> tuple[Edit, ...]:
-    fix = next((hint.fix for hint in words if isinstance(hint, Suggestion) and hint.fix is not None), None)
+def _fixes(span: Span | None, *hints: Hint | None) -> tuple[Edit, ...]:
+    fix = next((hint.fix for hint in hints if isinstance(hint, Suggestion) and hint.fix is not None), None)
     return (Edit(span=span, written=fix[0], replacement=fix[1]),) if fix is not None and span is not None else ()
 
 

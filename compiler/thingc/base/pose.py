@@ -77,9 +77,9 @@ class Pose(FrozenStruct):
 
     def inverse(self) -> Pose:
         """Return the inverse of this pose. The inverse of `X_AB` is `X_BA`."""
-        back = transpose(self.rotation)
-        x, y, z = rotate(back, self.translation)
-        return Pose(rotation=back, translation=(-x, -y, -z))
+        rotation = transpose(self.rotation)
+        x, y, z = rotate(rotation, self.translation)
+        return Pose(rotation=rotation, translation=(-x, -y, -z))
 
     def apply(self, point: Vector) -> Vector:
         """Transform the coordinates of a point [m] from frame B to frame A, where this pose is `X_AB`."""

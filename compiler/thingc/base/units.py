@@ -80,14 +80,14 @@ class Dimension(FrozenStruct, kw_only=False):
     @property
     def symbol(self) -> str:
         """The unit of this physical dimension in SI base units, such as `kg*m^2/s^2`. The result is an empty string for plain numbers."""
-        above: list[str] = []
-        below: list[str] = []
+        numerator: list[str] = []
+        denominator: list[str] = []
         for unit, exponent in (("kg", self.mass), ("m", self.length), ("rad", self.angle), ("s", self.time)):
             if exponent:
                 size = abs(exponent)
-                shown = unit if size == 1 else f"{unit}^{size}" if isinstance(size, int) else f"{unit}^({size})"
-                (above if exponent > 0 else below).append(shown)
-        return "/".join(["*".join(above) or ("1" if below else ""), *below])
+                factor = unit if size == 1 else f"{unit}^{size}" if isinstance(size, int) else f"{unit}^({size})"
+                (numerator if exponent > 0 else denominator).append(factor)
+        return "/".join(["*".join(numerator) or ("1" if denominator else ""), *denominator])
 
 
 def _whole(exponent: Exponent) -> Exponent:
@@ -98,10 +98,10 @@ def _whole(exponent: Exponent) -> Exponent:
 _WORDS: dict[Dimension, tuple[str, str]] = {}
 
 
-def _dimension(words: str, example: str, **exponents: Exponent) -> Dimension:
+def _dimension(description: str, example: str, **exponents: Exponent) -> Dimension:
     """Create a physical dimension, with its description and an example for messages."""
     dimension = Dimension(**exponents)
-    _WORDS[dimension] = words, example
+    _WORDS[dimension] = description, example
     return dimension
 
 
@@ -215,9 +215,9 @@ def exact(number: str) -> tuple[int, int]:
     Numbers below about 1e-2000 are converted to 0. Raises `UnitError` of the kind `quantity` if the exponent of ten is above 400.
     """
     mantissa, _, power = number.lower().partition("e")
-    whole, _, decimals = mantissa.partition(".")
+    integer, _, decimals = mantissa.partition(".")
     exponent = int(power or "0") - len(decimals)
-    digits = int((whole + decimals) or "0")
+    digits = int((integer + decimals) or "0")
     if digits == 0:
         return 0, 1
     if exponent > 400:
@@ -250,12 +250,12 @@ def scan_number(text: str, at: int = 0) -> tuple[str, int] | None:
     return (match.group(), match.end()) if match else None
 
 
-def scan_unit(text: str, at: int, *, compact: bool = False, wanted: tuple[Dimension, ...] = ()) -> tuple[Unit, int]:
+def scan_unit(text: str, at: int, *, compact: bool = False, expected: tuple[Dimension, ...] = ()) -> tuple[Unit, int]:
     """Return the unit that begins at the index `at` of a text, such as `N*m*s/rad`, and the index after the unit.
 
     With `compact`, as in expressions, a unit must not contain spaces, and ends before a `*` or `/` that is not followed by a unit. For
     example, `8 mm*i` is 8 mm times i. Raises `UnitError` of the kind `unit` if the unit is missing or unknown. The help text of an unknown
-    unit suggests a unit with one of the `wanted` physical dimensions.
+    unit suggests a unit with one of the `expected` physical dimensions.
     """
     numerator, denominator, dimension = 1, 1, NUMBER
     sign = 1
@@ -263,22 +263,22 @@ def scan_unit(text: str, at: int, *, compact: bool = False, wanted: tuple[Dimens
     for factor in range(MAX_FACTORS + 1):
         if factor == MAX_FACTORS:
             raise UnitError(f"a unit of more than {MAX_FACTORS} factors", kind="unit", offset=start, end=at)
-        word = _UNIT_WORD.match(text, at)
-        if word is None:
+        name = _UNIT_WORD.match(text, at)
+        if name is None:
             character = text[at : at + 1]
             raise UnitError(
                 f"expected a unit after `{text[start:at].strip()}`, found {f'`{character}`' if character else 'nothing'}",
                 kind="unit", offset=at, end=at + 1,
             )
-        base = UNITS.get(word.group())
+        base = UNITS.get(name.group())
         if base is None:
-            raise _unknown_unit(text, start, *word.span(), wanted)
-        exponent, at = _power(text, word, compact=compact)
+            raise _unknown_unit(text, start, *name.span(), expected)
+        exponent, at = _power(text, name, compact=compact)
         dimension = dimension * base[2] ** (sign * exponent)
-        up, down = base[0] ** abs(exponent), base[1] ** abs(exponent)
+        upper, lower = base[0] ** abs(exponent), base[1] ** abs(exponent)
         if sign * exponent < 0:
-            up, down = down, up
-        numerator, denominator = numerator * up, denominator * down
+            upper, lower = lower, upper
+        numerator, denominator = numerator * upper, denominator * lower
         following = _OPERATOR.match(text, at)
         if following is None or compact and not _unit_after(text, following):
             break
@@ -287,25 +287,25 @@ def scan_unit(text: str, at: int, *, compact: bool = False, wanted: tuple[Dimens
     return (numerator, denominator, dimension), at
 
 
-def _power(text: str, word: re.Match[str], *, compact: bool) -> tuple[int, int]:
+def _power(text: str, name: re.Match[str], *, compact: bool) -> tuple[int, int]:
     """Return the exponent that follows a unit, or 1 if there is no exponent, and the index after the exponent.
 
     With `compact`, as in expressions, `**` is not treated as an exponent. Raises `UnitError` for an invalid exponent.
     """
-    at = word.end()
+    at = name.end()
     power = _POWER.match(text, at)
     if power is not None and not (compact and power.group().startswith("**")):
         exponent = int(power.group(1))
         if abs(exponent) > 12:
-            raise UnitError(f"the power {exponent} of `{word.group()}` is out of range (-12 to 12)", offset=power.start(), end=power.end())
+            raise UnitError(f"the power {exponent} of `{name.group()}` is out of range (-12 to 12)", offset=power.start(), end=power.end())
         return exponent, power.end()
     return (_SUPERSCRIPT[text[at]], at + 1) if text[at : at + 1] in _SUPERSCRIPT else (1, at)
 
 
 def _unit_after(text: str, operator: re.Match[str]) -> bool:
     """Return whether the operator `*` or `/` of an expression is directly followed by a unit."""
-    word = _UNIT_WORD.match(text, operator.start() + 1)
-    return operator.end() - operator.start() == 1 and word is not None and word.group() in UNITS and not _continues(text, word.end())
+    name = _UNIT_WORD.match(text, operator.start() + 1)
+    return operator.end() - operator.start() == 1 and name is not None and name.group() in UNITS and not _continues(text, name.end())
 
 
 def _continues(text: str, at: int) -> bool:
@@ -316,45 +316,46 @@ def _continues(text: str, at: int) -> bool:
     return at < len(text) and (text[at] in "_(." or text[at].isdigit())
 
 
-def _unknown_unit(text: str, start: int, at: int, end: int, wanted: tuple[Dimension, ...]) -> UnitError:
+def _unknown_unit(text: str, start: int, at: int, end: int, expected: tuple[Dimension, ...]) -> UnitError:
     """Create the exception for an unknown unit. The message suggests a similar unit.
 
-    The unit begins at the index `start` of `text`, and the characters from `at` to `end` (exclusive) are unknown. A unit with a `wanted`
+    The unit begins at the index `start` of `text`, and the characters from `at` to `end` (exclusive) are unknown. A unit with a `expected`
     physical dimension is preferred if it differs only in the second letter (`mn` for a length).
     """
-    found = text[at:end]
-    fitting = [unit for unit, (_, _, of) in UNITS.items() if of in wanted]
-    near = nearest(found, fitting) or nearest(found, UNITS) or SYNONYMS.get(nearest(found, SYNONYMS) or "")
-    slip = near if near and closest_name(found, UNITS) == near and len(found) > 1 and (found[0] == near[0] or found == "MM") else None
-    sure = SYNONYMS.get(found) or slip
-    close = sure or next((unit for unit in fitting if len(unit) == len(found) == 2 and unit[0] == found[0]), None)
+    unknown = text[at:end]
+    candidates = [unit for unit, (_, _, dimension) in UNITS.items() if dimension in expected]
+    similar = nearest(unknown, candidates) or nearest(unknown, UNITS) or SYNONYMS.get(nearest(unknown, SYNONYMS) or "")
+    is_close = similar and closest_name(unknown, UNITS) == similar and len(unknown) > 1
+    typo = similar if is_close and similar and (unknown[0] == similar[0] or unknown == "MM") else None
+    certain = SYNONYMS.get(unknown) or typo
+    close = certain or next((unit for unit in candidates if len(unit) == len(unknown) == 2 and unit[0] == unknown[0]), None)
     stops = (start + len(re.match(r"[^\s()+,]*", text[start:]).group()), end)  # type: ignore[union-attr]
-    product, stop = next(((unit, stop) for stop in stops if (unit := meant_unit(text[start:stop], wanted))), (None, end))
+    product, stop = next(((unit, stop) for stop in stops if (unit := meant_unit(text[start:stop], expected))), (None, end))
     if product and not close:
-        at, end, found, close, sure = start, stop, text[start:stop], product, product
-    close = close or near
-    message = f"unknown unit `{shorten(found)}`" + (f"; did you mean `{close}`?" if close else "")
+        at, end, unknown, close, certain = start, stop, text[start:stop], product, product
+    close = close or similar
+    message = f"unknown unit `{shorten(unknown)}`" + (f"; did you mean `{close}`?" if close else "")
     help = None if close else "use a unit such as mm, m, deg, rad, g, kg, s, N, N*m, rpm, kg/m^3, %"
-    return UnitError(Suggestion(message, (found, sure) if sure else None), kind="unit", offset=at, end=end, help=help)
+    return UnitError(Suggestion(message, (unknown, certain) if certain else None), kind="unit", offset=at, end=end, help=help)
 
 
-def meant_unit(text: str, wanted: tuple[Dimension, ...] = ()) -> str | None:
+def meant_unit(text: str, expected: tuple[Dimension, ...] = ()) -> str | None:
     """Return the correct spelling of a unit that is spelled informally, or None if the unit is unknown.
 
-    For example, `Nms/rad` means `N*m*s/rad`, `kg m2` means `kg*m^2`, and `kg-cm` means `kgf*cm`. The unit must have one of the `wanted`
-    physical dimensions. If `wanted` is empty, every physical dimension that has a name is accepted.
+    For example, `Nms/rad` means `N*m*s/rad`, `kg m2` means `kg*m^2`, and `kg-cm` means `kgf*cm`. The unit must have one of the `expected`
+    physical dimensions. If `expected` is empty, every physical dimension that has a name is accepted.
     """
     spelled = spellings(text.strip(), UNITS)
-    spelled += [re.sub(r"\b(kg|lb)\b", r"\1f", one) for one in spelled]
-    fitting = [one for one in spelled if any(fits(scan_unit(one, 0)[0][2], of) for of in wanted or _WORDS)]
-    return min(fitting, key=lambda one: len(_OPERATOR.findall(one)), default=None)
+    spelled += [re.sub(r"\b(kg|lb)\b", r"\1f", spelling) for spelling in spelled]
+    valid = [spelling for spelling in spelled if any(fits(scan_unit(spelling, 0)[0][2], dimension) for dimension in expected or _WORDS)]
+    return min(valid, key=lambda spelling: len(_OPERATOR.findall(spelling)), default=None)
 
 
-def parse_quantity(text: str, wanted: tuple[Dimension, ...] = ()) -> Quantity:
+def parse_quantity(text: str, expected: tuple[Dimension, ...] = ()) -> Quantity:
     """Parse a quantity such as `120 mm`, `4.1 N*m` or `15 %`. A number without a unit has the dimension `NUMBER`.
 
     Spaces around `*` and `/`, and between the number and the unit, are optional. Raises `UnitError`, whose offsets count the characters of
-    `text`. The help text of the error suggests a unit with a `wanted` physical dimension.
+    `text`. The help text of the error suggests a unit with a `expected` physical dimension.
     """
     if len(text) > MAX_TEXT:
         raise UnitError(f"a quantity of {len(text)} characters is too long (at most {MAX_TEXT})")
@@ -363,10 +364,10 @@ def parse_quantity(text: str, wanted: tuple[Dimension, ...] = ()) -> Quantity:
     if scanned is None:
         raise UnitError(f"expected a number with a unit, found `{shorten(text.strip())}`", help="write, for example, `120 mm`")
     number, at = scanned
-    return _with_unit(text, number, at, wanted)
+    return _with_unit(text, number, at, expected)
 
 
-def _with_unit(text: str, number: str, at: int, wanted: tuple[Dimension, ...]) -> Quantity:
+def _with_unit(text: str, number: str, at: int, expected: tuple[Dimension, ...]) -> Quantity:
     begin = at
     while at < len(text) and text[at].isspace():
         at += 1
@@ -379,9 +380,9 @@ def _with_unit(text: str, number: str, at: int, wanted: tuple[Dimension, ...]) -
             f"expected a unit after `{number}`, found `{shorten(text[at:])}`", offset=at, end=len(text),
             help=f"an expression begins with `=`: `={text.strip()}`" if text[at] in "+-*/()" else None,
         )
-    unit, end = scan_unit(text, at, wanted=wanted)
+    unit, end = scan_unit(text, at, expected=expected)
     if text[end:].strip():
-        product = meant_unit(text[at:], wanted)
+        product = meant_unit(text[at:], expected)
         raise UnitError(
             f"unexpected `{shorten(text[end:].strip())}` after `{text[:end].strip()}`", offset=end, end=len(text),
             help=f"write `{number} {product}`" if product else "an expression begins with `=`" if re.search(r"[-+(]", text[end:]) else None,
@@ -398,23 +399,23 @@ def check_dimension(quantity: Quantity, expected: tuple[Dimension, ...], text: s
     for dimension in expected:
         if quantity.fits(dimension):
             return quantity
-    shown = shorten(text.strip())
-    wanted = " or ".join(dimension.words for dimension in expected)
+    found = shorten(text.strip())
+    required = " or ".join(dimension.words for dimension in expected)
     first = expected[0]
     if quantity.dimension == NUMBER and NUMBER not in expected:
-        bare = shown if scan_number(shown) == (shown, len(shown)) else f"{quantity.value:.6g}"
-        choices = [unit for dimension in expected for unit in suggested_units(dimension, bare)[: 2 if len(expected) == 1 else 1]]
-        words = "write " + " or ".join(f"`{bare} {unit}`" for unit in choices)
-        sure = len(expected) == 1 and bare == text.strip() and quantity.value >= _SURELY.get(first, math.inf)
+        number_text = found if scan_number(found) == (found, len(found)) else f"{quantity.value:.6g}"
+        choices = [unit for dimension in expected for unit in suggested_units(dimension, number_text)[: 2 if len(expected) == 1 else 1]]
+        advice = "write " + " or ".join(f"`{number_text} {unit}`" for unit in choices)
+        certain = len(expected) == 1 and number_text == text.strip() and quantity.value >= _SURELY.get(first, math.inf)
         raise UnitError(
-            f"{wanted} needs a unit, found `{shown}`", kind="unit",
-            help=Suggestion(words, (bare, f"{bare} {choices[0]}") if sure else None),
+            f"{required} needs a unit, found `{found}`", kind="unit",
+            help=Suggestion(advice, (number_text, f"{number_text} {choices[0]}") if certain else None),
         )
     example = first.example if len(expected) == 1 else " or ".join(dimension.example for dimension in expected)
     number, at = scan_number(text.strip()) or ("", 0)
     unit = meant_unit(text.strip()[at:], expected) if number else None
     raise UnitError(
-        f"expected {wanted} (such as {example}), found {quantity.dimension.words} (`{shown}`)", kind="dimension",
+        f"expected {required} (such as {example}), found {quantity.dimension.words} (`{found}`)", kind="dimension",
         help=f"write `{number} {unit}`" if unit else None,
     )
 
@@ -425,12 +426,12 @@ def suggested_units(dimension: Dimension, numbers: str) -> tuple[str, ...]:
     `numbers` is the text of the numbers. For small fractions, such as `1.57` or `0 0 0.12`, the first suggestion is the SI unit that URDF
     and MJCF use. For all other numbers, the first suggestion is the unit that is common in drawings, such as mm.
     """
-    drawn, si, most = _SUGGESTED.get(dimension, (dimension.example.partition(" ")[2], "", 0.0))
+    common, si, bound = _SUGGESTED.get(dimension, (dimension.example.partition(" ")[2], "", 0.0))
     if not si:
-        return (drawn,)
+        return (common,)
     values = [float(number) for number in NUMBER_TEXT.findall(numbers)]
-    small = any(value != int(value) for value in values if abs(value) < most) and all(abs(value) < most for value in values)
-    return (si, drawn) if small else (drawn, si)
+    small = any(value != int(value) for value in values if abs(value) < bound) and all(abs(value) < bound for value in values)
+    return (si, common) if small else (common, si)
 
 
 _SUGGESTED: dict[Dimension, tuple[str, str, float]] = {

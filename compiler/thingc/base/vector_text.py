@@ -7,7 +7,7 @@ import re
 from thingc.base.units import MAX_TEXT, NUMBER, NUMBER_TEXT, Dimension, Quantity, UnitError, scan_number, scan_unit, shorten, to_si
 
 
-def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantity, Quantity, Quantity]:
+def parse_vector(text: str, expected: tuple[Dimension, ...] = ()) -> tuple[Quantity, Quantity, Quantity]:
     """Parse a vector of three numbers with a common unit, such as `0 120 30 mm`. The vector `0 0 0` does not need a unit.
 
     Raises `UnitError` for an invalid vector. The offsets of the error count the characters of `text`.
@@ -25,19 +25,19 @@ def parse_vector(text: str, wanted: tuple[Dimension, ...] = ()) -> tuple[Quantit
         number, at = scanned
         numbers.append(number)
     count = {1: "one number", 2: "two numbers"}.get(len(numbers), f"{len(numbers)} numbers")
-    how = "write, for example, `0 120 30 mm` or `[0, 120 mm, 30 mm]`"
+    problem = "write, for example, `0 120 30 mm` or `[0, 120 mm, 30 mm]`"
     if not numbers:
-        raise UnitError(f"expected three numbers and a unit, found `{shorten(text.strip())}`", help=how)
+        raise UnitError(f"expected three numbers and a unit, found `{shorten(text.strip())}`", help=problem)
     if len(numbers) != 3:
-        how = _separator_hint(text) or how
-        raise UnitError(f"expected three numbers and a unit, found {count} (`{shorten(text.strip())}`)", help=how)
+        problem = _separator_hint(text) or problem
+        raise UnitError(f"expected three numbers and a unit, found {count} (`{shorten(text.strip())}`)", help=problem)
     unit = (1, 1, NUMBER)
     if at < len(text):
-        unit, end = scan_unit(text, at, wanted=wanted)
+        unit, end = scan_unit(text, at, expected=expected)
         if text[end:].strip():
             raise UnitError(
                 f"unexpected `{shorten(text[end:].strip())}` after `{text[:end].strip()}`",
-                offset=end, end=len(text), help=how,
+                offset=end, end=len(text), help=problem,
             )
     x, y, z = (Quantity(to_si(number, unit), unit[2]) for number in numbers)
     return x, y, z

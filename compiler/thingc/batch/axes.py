@@ -85,7 +85,7 @@ class AxisParser:
             where = self._key(path) if key else path
             self.report.add(code, message, self.document.span(where, key=key), help=help, notes=notes, path=format_path(where))
 
-        value, own = self.parameters.fitting(name, stated, complain), self.parameters.values.get(name)
+        value, own = self.parameters.check_value(name, stated, complain), self.parameters.values.get(name)
         if isinstance(value, Quantity) and value.dimension == NUMBER and value.value == 0.0 and isinstance(own, Quantity):
             return Quantity(0.0, own.dimension)  # 0 without a unit
         return value

@@ -107,7 +107,7 @@ class Tree:
 
     def __init__(self, model: AssemblyDefinition, instances: PartInstances, findings: LinkReport) -> None:
         self.model, self.findings = model, findings
-        self._said: set[tuple[Code, str, Origin]] = set()
+        self._reported: set[tuple[Code, str, Origin]] = set()
         self.top = Instance(path="", component=None, origin=(), assembly=model)
         self.assemblies: list[tuple[Instance, AssemblyDefinition]] = []
         self.occurrences: list[Instance] = []
@@ -163,7 +163,7 @@ class Tree:
                     self.findings.error(
                         Code.MOUNT_CLASH, f"`{component.name}` already has a mount `{name}`",
                         component.full_origin(extra.origin, instance.origin), path=instance.path,
-                        help="rename the mount that is added here", notes=_shown_by(definition),
+                        help="rename the mount that is added here", notes=_exports_note(definition),
                     )
                 elif instance.index is not None:
                     self.added.setdefault(instance.index, {})[f"{instance.path}/{name}"] = extra
@@ -178,7 +178,7 @@ class Tree:
             place = self._mount(place, reference.mount or "origin", ".".join(reference.path), instance)
         if isinstance(place, FoundMount):
             return place
-        self._say(place, reference, instance)
+        self._report_fault(place, reference, instance)
         return None
 
     def find_mount(self, instance: Instance, name: str) -> FoundMount | None:
@@ -194,7 +194,7 @@ class Tree:
         place = self._walk(instance, reference.path)
         if isinstance(place, Instance):
             return place
-        self._say(place, reference, instance)
+        self._report_fault(place, reference, instance)
         return None
 
     def members(self, instance: Instance, reference: Reference) -> tuple[int, ...] | None:
@@ -206,14 +206,14 @@ class Tree:
             mount = self.find(instance, reference)
             return None if mount is None else (mount.occurrence,)
         place = self.component(instance, reference)
-        return None if place is None else tuple(one.index for one in place.occurrences() if one.index is not None)
+        return None if place is None else tuple(occurrence.index for occurrence in place.occurrences() if occurrence.index is not None)
 
-    def _say(self, fault: _Fault, reference: Reference, instance: Instance) -> None:
+    def _report_fault(self, fault: _Fault, reference: Reference, instance: Instance) -> None:
         self.findings.leave_out()
         # A `repeat` or a nested document that is used twice creates many references from one line, but the line is reported once.
         place = (fault.code, re.sub(r"\d+", "#", reference.text), reference.origin[:1])
-        if not fault.silent and place not in self._said:
-            self._said.add(place)
+        if not fault.silent and place not in self._reported:
+            self._reported.add(place)
             self.findings.error(
                 fault.code, fault.message, reference.origin + instance.origin, help=fault.help, notes=fault.notes + _repeat_note(reference),
                 path=instance.within(reference.text.replace(".", "/")),
@@ -233,19 +233,19 @@ class Tree:
             instance = child
         return instance
 
-    def _mount(self, instance: Instance, name: str, shown: str, document: Instance) -> FoundMount | _Fault:
+    def _mount(self, instance: Instance, name: str, label: str, document: Instance) -> FoundMount | _Fault:
         """Find a mount of an instance by name: a mount of a part, an exported or added mount of an assembly, or `origin`.
 
-        `shown` is the name of the instance in `document`, for messages. If an exported mount is invalid, the error is reported at the
+        `label` is the name of the instance in `document`, for messages. If an exported mount is invalid, the error is reported at the
         export, and not at each reference to the mount.
         """
-        met: set[tuple[str, str]] = set()
+        visited: set[tuple[str, str]] = set()
         exported, within = False, document.assembly
         while instance.assembly is not None:
             definition = instance.assembly
-            if (instance.path, name) in met:
+            if (instance.path, name) in visited:
                 return _Fault(message=f"the mount `{name}` of `{definition.label}` refers to itself", help="use a mount of a component")
-            met.add((instance.path, name))
+            visited.add((instance.path, name))
             component = instance.component
             if name == "origin":
                 if instance.base is None:
@@ -266,25 +266,25 @@ class Tree:
             else:
                 added = component.mounts if component is not None else {}
                 return _Fault(
-                    code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} exports no mount `{name}`",
-                    help=_mount_help(name, [*definition.mounts, *added, "origin"], document), notes=_shown_by(definition),
+                    code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, label)} exports no mount `{name}`",
+                    help=_mount_help(name, [*definition.mounts, *added, "origin"], document), notes=_exports_note(definition),
                 )
         if instance.part is not None and instance.index is not None and name in instance.part.mounts:
             mirror = within.mirror if within is not None and name == "origin" else None  # a mirrored frame is a different mount
             pose = Mirror(mirror).origin if mirror else instance.part.mounts[name].pose
             return FoundMount(occurrence=instance.index, mount=name, pose=pose)
-        return _SILENT if exported else _no_mount(instance, name, shown, document)
+        return _SILENT if exported else _no_mount(instance, name, label, document)
 
 
-def _no_mount(instance: Instance, name: str, shown: str, document: Instance) -> _Fault:
+def _no_mount(instance: Instance, name: str, label: str, document: Instance) -> _Fault:
     """Create the error for a reference to a mount that the part does not have."""
     part = instance.part
     if part is None or instance.index is None:
         return _SILENT
-    if part.record is not None and not part.exact and _may_be_there(name, part.record.mounts):
+    if part.record is not None and not part.exact and _may_have_mount(name, part.record.mounts):
         return _SILENT
     return _Fault(
-        code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} has no mount `{name}`",
+        code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, label)} has no mount `{name}`",
         help=f"the part has an attribute `{name}`, but it is not a mount: write `self.{name} = MountPoint(...)`"
         if part.record is not None and name in part.record.references else _mount_help(name, part.mounts, document),
         notes=part.written,
@@ -297,16 +297,16 @@ def _mount_help(name: str, mounts: Collection[str], document: Instance) -> Hint:
     The hint contains the valid indices of a list, the most similar name, the existing mounts, or the only other component with such a
     mount.
     """
-    numbers = sorted(int(one[len(name) + 1 :]) for one in mounts if re.fullmatch(rf"{re.escape(name)}_\d+", one))
+    numbers = sorted(int(mount[len(name) + 1 :]) for mount in mounts if re.fullmatch(rf"{re.escape(name)}_\d+", mount))
     if numbers:
         return f"`{name}` is a list: its mounts are `{name}_{numbers[0]}`" + (f" to `{name}_{numbers[-1]}`" if len(numbers) > 1 else "")
-    having = [one for one, child in document.children.items() if child.part is not None and name in child.part.mounts]
-    if closest_name(name, mounts) is None and len(having) == 1:
-        return f"{did_you_mean('', mounts, what='mounts')}; or did you mean `{having[0]}.{name}`?"
+    owners = [other for other, child in document.children.items() if child.part is not None and name in child.part.mounts]
+    if closest_name(name, mounts) is None and len(owners) == 1:
+        return f"{did_you_mean('', mounts, what='mounts')}; or did you mean `{owners[0]}.{name}`?"
     return did_you_mean(name, mounts, what="mounts")
 
 
-def _may_be_there(name: str, mounts: Collection[str]) -> bool:
+def _may_have_mount(name: str, mounts: Collection[str]) -> bool:
     """Return whether a part whose geometry is only partly known can have a mount with this name.
 
     If no mounts of the part are known, the result is True. The result is also True for an element of a list (`hip_7` if `hip_0` exists),
@@ -318,17 +318,17 @@ def _may_be_there(name: str, mounts: Collection[str]) -> bool:
 
 def _repeat_note(reference: Reference) -> tuple[Note, ...]:
     """Return a note with the location of the `repeat` whose index a reference uses. If both are on the same line, return no notes."""
-    here, there = reference.repeat_origin[:1], reference.origin[:1]
-    return make_notes(COUNTED, here) if here and there and here[0].line != there[0].line else ()
+    count, reference_place = reference.repeat_origin[:1], reference.origin[:1]
+    return make_notes(COUNTED, count) if count and reference_place and count[0].line != reference_place[0].line else ()
 
 
-def _owner(instance: Instance, shown: str) -> str:
+def _owner(instance: Instance, label: str) -> str:
     """Format the name of an instance in the document with the reference, followed by its definition: `hand.cap` (`arm:Cap`)."""
-    label = instance.assembly.label if instance.assembly is not None else instance.part.definition.label if instance.part else ""
-    return f"`{shown}` (`{label}`)" if shown and label else f"`{shown or label}`"
+    definition_label = instance.assembly.label if instance.assembly is not None else instance.part.definition.label if instance.part else ""
+    return f"`{label}` (`{definition_label}`)" if label and definition_label else f"`{label or definition_label}`"
 
 
-def _shown_by(definition: AssemblyDefinition) -> tuple[Note, ...]:
+def _exports_note(definition: AssemblyDefinition) -> tuple[Note, ...]:
     """Return a note with the location of the section `mounts` in the document of an assembly."""
     places = [reference.origin[0] for reference in definition.mounts.values() if reference.origin] or list(definition.origin[:1])
     return (Note(message=f"`{definition.label}` exports its mounts here", span=places[0]),) if places else ()

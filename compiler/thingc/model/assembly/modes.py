@@ -68,9 +68,9 @@ def modes_of(tree: Tree, occurrences: Sequence[Occurrence], link_of: Sequence[in
 def _mode(tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: Sequence[int]) -> LinkedMode | None:
     root = mount_of(tree, tree.top, mode.root)
     pairs: dict[tuple[int, int], None] = {}
-    for one, other in mode.exclude:
-        for a in _links_named(tree, one, link_of):
-            for b in _links_named(tree, other, link_of):
+    for first, second in mode.exclude:
+        for a in _links_named(tree, first, link_of):
+            for b in _links_named(tree, second, link_of):
                 if a != b:
                     pairs[(min(a, b), max(a, b))] = None
     adhesion: dict[str, float] = {}
@@ -92,17 +92,17 @@ def _holds(tree: Tree, mode: Mode) -> Iterator[LinkedHold]:
 
     A mount that the mode holds twice, for example under its own name and under an exported name, is reported.
     """
-    met: dict[tuple[int, str], LinkedHold] = {}
+    holds: dict[tuple[int, str], LinkedHold] = {}
     for hold in mode.holds:
         choice = mount_of(tree, tree.top, hold.mount)
         if choice is None:
             continue
         linked = LinkedHold(mount=choice, pose=hold.pose, origin=hold.origin, turns=hold.turns)
-        other = met.setdefault((choice.occurrence, choice.mount), linked)
-        if other is not linked:
+        earlier = holds.setdefault((choice.occurrence, choice.mount), linked)
+        if earlier is not linked:
             tree.findings.error(
                 Code.HOLD, f"mode `{mode.name}` holds `{choice.path}` twice", hold.origin, path=choice.path,
-                help="remove one of the two holds", notes=make_notes("the other hold is here", other.origin),
+                help="remove one of the two holds", notes=make_notes("the other hold is here", earlier.origin),
             )
             continue
         yield linked
@@ -112,14 +112,14 @@ def _feet(tree: Tree, mode: Mode) -> Iterator[Foot]:
     """Yield the mounts on which the robot stands in a mode, without duplicates. A mount that the mode also holds is reported."""
     if mode.standing is None:
         return
-    held = {(choice.occurrence, choice.mount): hold for hold in mode.holds if (choice := mount_of(tree, tree.top, hold.mount)) is not None}
-    met: set[tuple[int, str]] = set()
+    holds = {(choice.occurrence, choice.mount): hold for hold in mode.holds if (choice := mount_of(tree, tree.top, hold.mount)) is not None}
+    seen: set[tuple[int, str]] = set()
     for reference in mode.standing.mounts:
         choice = mount_of(tree, tree.top, reference)
-        if choice is None or (choice.occurrence, choice.mount) in met:
+        if choice is None or (choice.occurrence, choice.mount) in seen:
             continue
-        met.add((choice.occurrence, choice.mount))
-        hold = held.get((choice.occurrence, choice.mount))
+        seen.add((choice.occurrence, choice.mount))
+        hold = holds.get((choice.occurrence, choice.mount))
         if hold is not None:
             tree.findings.error(
                 Code.STANDING, f"`{choice.path}` is in both `hold` and `standing_on` of mode `{mode.name}`", reference.origin,
@@ -137,16 +137,17 @@ def sensors_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedSensor, ...]:
     """Return the sensors of all documents. Sensors of a document precede sensors of its nested documents."""
     sensors: list[LinkedSensor] = []
     for instance, definition in tree.assemblies:
-        for one in definition.sensors:
-            mounts = {reference: mount_of(tree, instance, reference) for reference in (one.at, one.seen_from) if reference is not None}
-            touching = [link for component in one.touching for link in _links_named(tree, component, link_of, instance)]
-            if None in mounts.values() or len(touching) < len(one.touching):
+        for sensor in definition.sensors:
+            at, seen_from = sensor.at, sensor.seen_from
+            mounts = {reference: mount_of(tree, instance, reference) for reference in (at, seen_from) if reference is not None}
+            touching = [link for component in sensor.touching for link in _links_named(tree, component, link_of, instance)]
+            if None in mounts.values() or len(touching) < len(sensor.touching):
                 continue
             sensors.append(LinkedSensor(
-                **instance.fields_of(one, Measurement), path=instance.within(one.name), touching=tuple(touching),
-                at=None if one.at is None else mounts[one.at], seen_from=None if one.seen_from is None else mounts[one.seen_from],
-                joint=instance.within(one.joint) if one.joint is not None else None,
-                tendon=instance.within(one.tendon) if one.tendon is not None else None,
+                **instance.fields_of(sensor, Measurement), path=instance.within(sensor.name), touching=tuple(touching),
+                at=None if at is None else mounts[at], seen_from=None if seen_from is None else mounts[seen_from],
+                joint=instance.within(sensor.joint) if sensor.joint is not None else None,
+                tendon=instance.within(sensor.tendon) if sensor.tendon is not None else None,
             ))
     return tuple(sensors)
 
@@ -183,8 +184,8 @@ def adhesions_of(tree: Tree) -> tuple[Adhesion, ...]:
             if mount is None:
                 continue
             path = _path(reference)
-            known = largest.get(path)
-            if known is None or force > known.force:
+            known_magnet = largest.get(path)
+            if known_magnet is None or force > known_magnet.force:
                 largest[path] = Adhesion(path=path, occurrence=mount.occurrence, mount=mount.mount, force=force)
     return tuple(largest.values())
 
@@ -225,7 +226,7 @@ def check_poses(tree: Tree, joints: Sequence[JointEdge], loops: Collection[str],
     Joints in `loops` are checked only if the pose contains the joint.
     """
     poses, modes, findings = tree.model.poses, tree.model.modes, tree.findings
-    used = {name for mode in modes for name in mode.poses}
+    used_poses = {name for mode in modes for name in mode.poses}
     names = {pose.name for pose in poses}
     for mode in modes:
         for name in mode.poses:
@@ -243,7 +244,7 @@ def check_poses(tree: Tree, joints: Sequence[JointEdge], loops: Collection[str],
                     pose.origins.get(path, pose.origin), path=pose.name, help=did_you_mean(path, by_path, what="joints"),
                 )
         for path, q in coordinates(joints, pose.values).items():
-            if path in pose.values or (pose.name in used and unset and path not in loops):
+            if path in pose.values or (pose.name in used_poses and unset and path not in loops):
                 _check_limit(pose, by_path[path], q, findings)
         for ball in balls(joints):
             _check_cone(pose, ball, findings)
@@ -255,7 +256,7 @@ def _check_cone(pose: NamedPose, ball: tuple[JointEdge, ...], findings: LinkRepo
     A joint that the pose does not contain is at 0, which is within every cone limit.
     """
     joint, cone = ball[0], ball[0].limit.cone
-    angle = hypot(*(pose.values.get(one.path, 0.0) for one in ball))
+    angle = hypot(*(pose.values.get(joint_of_ball.path, 0.0) for joint_of_ball in ball))
     if cone is not None and angle > cone * (1.0 + _ROUNDING):
         name = joint.name.joint
         findings.error(
@@ -284,15 +285,15 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
     origin = pose.origin
     if joint.path in pose.values:
         origin = pose.origins.get(joint.path, origin)
-        what, help = f"puts `{joint.name}` at {twist.format(q)}, outside {limits}", "write a value within the limits, or widen the limits"
+        fault, help = f"puts `{joint.name}` at {twist.format(q)}, outside {limits}", "write a value within the limits, or widen the limits"
     elif joint.mimic is not None:
         origin = pose.origins.get(joint.mimic.joint.path, origin)
-        what = f"puts `{joint.name}`, which mimics `{joint.mimic.joint}`, at {twist.format(q)}, outside {limits}"
+        fault = f"puts `{joint.name}`, which mimics `{joint.mimic.joint}`, at {twist.format(q)}, outside {limits}"
         help = f"set `{joint.mimic.joint}` so that both are within their limits, or widen the limits"
     else:
-        what, help = f"does not set `{joint.name}`, and its default 0 is outside {limits}", f"set `{joint.name}` in the pose"
+        fault, help = f"does not set `{joint.name}`, and its default 0 is outside {limits}", f"set `{joint.name}` in the pose"
     findings.error(
-        Code.POSE_LIMITS, f"pose `{pose.name}` {what}", origin, path=pose.name, help=help,
+        Code.POSE_LIMITS, f"pose `{pose.name}` {fault}", origin, path=pose.name, help=help,
         notes=make_notes(f"`{joint.name}` is defined here", joint.origin),
     )
 
@@ -341,41 +342,41 @@ def _pairs(tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: S
 
     A pair of one link, a pair without collision shapes, and a pair that is listed twice are reported and omitted.
     """
-    found: dict[frozenset[int], ContactPair[int]] = {}
+    linked_pairs: dict[frozenset[int], ContactPair[int]] = {}
     twice: set[Origin] = set()
     for pair in mode.pairs:
         sides = [tree.members(tree.top, reference) or () for reference in (pair.one, pair.other)]
-        apart = [(a, b) for a in sides[0] for b in sides[1] if link_of[a] != link_of[b]]
-        for side, reference in zip(sides, (pair.one, pair.other), strict=True):
-            if side and not any(occurrences[one].has_contacts for one in side):
+        separate = [(a, b) for a in sides[0] for b in sides[1] if link_of[a] != link_of[b]]
+        for members, reference in zip(sides, (pair.one, pair.other), strict=True):
+            if members and not any(occurrences[member].has_contacts for member in members):
                 tree.findings.error(
                     Code.CONTACTS, f"`{reference.text}` is in a contact pair, but has no collision shapes", pair.origin,
                     help="set `collision` of the component, or remove the pair",
                 )
-        if all(sides) and not apart:
+        if all(sides) and not separate:
             tree.findings.error(
                 Code.CONTACTS, f"`{pair.one.text}` and `{pair.other.text}` are rigidly connected, so they cannot collide", pair.origin,
                 help="name two components of different links",
             )
-        for a, b in apart:
+        for a, b in separate:
             if not (occurrences[a].has_contacts and occurrences[b].has_contacts):
                 continue
             linked = ContactPair(one=a, other=b, friction=pair.friction, margin=pair.margin, gap=pair.gap, origin=pair.origin)
-            other = found.setdefault(frozenset((a, b)), linked)
-            if other is not linked and pair.origin not in twice:
+            earlier = linked_pairs.setdefault(frozenset((a, b)), linked)
+            if earlier is not linked and pair.origin not in twice:
                 twice.add(pair.origin)
                 names = " and ".join(f"`{occurrences[index].path.replace('/', '.')}`" for index in (a, b))
                 tree.findings.error(
                     Code.CONTACTS, f"the contact pair of {names} is listed twice", pair.origin, help="remove one of the two entries",
-                    notes=make_notes("the other entry is here", other.origin),
+                    notes=make_notes("the other entry is here", earlier.origin),
                 )
-    return tuple(found.values())
+    return tuple(linked_pairs.values())
 
 
 def _groups(tree: Tree, mode: Mode) -> tuple[ContactGroup[int], ...]:
     """Return the contact groups of a mode with their occurrences. An occurrence in two groups is reported."""
     owners: dict[int, str] = {}
-    made: list[ContactGroup[int]] = []
+    groups: list[ContactGroup[int]] = []
     for group in mode.groups:
         members = {member: reference for reference in group.members for member in tree.members(tree.top, reference) or ()}
         for member, reference in members.items():
@@ -385,5 +386,5 @@ def _groups(tree: Tree, mode: Mode) -> tuple[ContactGroup[int], ...]:
                     Code.CONTACTS, f"`{name}` is in two contact groups, `{owner}` and `{group.name}`", reference.origin,
                     help="remove the component from one of the two groups",
                 )
-        made.append(ContactGroup(name=group.name, members=tuple(members), collides=group.collides))
-    return tuple(made)
+        groups.append(ContactGroup(name=group.name, members=tuple(members), collides=group.collides))
+    return tuple(groups)

@@ -102,7 +102,7 @@ class PartInstances:
 
     If an assembly is used several times, the properties of its parts are computed once.
 
-    `unknown` contains the parts whose properties are not known exactly (see `PartRecord.exact`). The caller must report these parts.
+    `unknown` is True if the properties of any part are not known exactly (see `PartRecord.exact`). The caller must report this.
     """
 
     def __init__(self, records: Mapping[str, PartRecord | PartFailure], meshes: Meshes, findings: LinkReport, memo: Memo) -> None:
@@ -112,9 +112,9 @@ class PartInstances:
         self._findings = findings
         self._known: dict[int, PartInstance | None] = {}
         self._failures: dict[str, list[_Use]] = {}
-        self._unknown: dict[tuple[str, str, bool], list[_Use]] = {}
+        self._unknown_materials: dict[tuple[str, str, bool], list[_Use]] = {}
         self._warned: set[tuple[str, str]] = set()
-        self._told: set[tuple[str, SliceFailure]] = set()
+        self._reported_slices: set[tuple[str, SliceFailure]] = set()
         self.unknown = False
 
     def of(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
@@ -136,14 +136,14 @@ class PartInstances:
         record = self._records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
         material = materials.get(record.material) if isinstance(record, PartRecord) and record.material else None
         choices = component.overrides.choices.values()
-        files = [file for listed in (component.definition, *(one.shapes for one in choices)) for file in mesh_files_of(listed)]
+        files = [file for listed in (component.definition, *(choice.shapes for choice in choices)) for file in mesh_files_of(listed)]
         inputs = (component, record, material, use.scope.materials_known, tuple(self._meshes.get(file) for file in files))
         instance: PartInstance | None = self._memo.last(("part instance", use.path), inputs)
         if instance is None:
             report, allowed = self._findings.report, self._findings.report.allowed
-            instance = self._work_out(use)
-            told = self._findings.incomplete or report.diagnostics or report.allowed > allowed or self._unknown
-            if instance is not None and not told:
+            instance = self._create(use)
+            reported = self._findings.incomplete or report.diagnostics or report.allowed > allowed or self._unknown_materials
+            if instance is not None and not reported:
                 self._memo.keep(("part instance", use.path), inputs, instance)
         return instance
 
@@ -152,14 +152,14 @@ class PartInstances:
 
         The error is reported at the first component that needs the material, and notes show further components.
         """
-        for (_, name, needed), (first, *others) in self._unknown.items():
+        for (_, name, needed), (first, *others) in self._unknown_materials.items():
             materials = first.scope.materials
             hint = did_you_mean(name, materials, what="materials")
-            near = nearest(name, materials)
-            if near is None:
+            similar = nearest(name, materials)
+            if similar is None:
                 hint = f"{hint}; list a document that defines it under `materials:` (`thingc_stock.materials` defines common ones)"
                 hint = f"{hint}, or set `material:` here"
-            notes = list(make_notes(f"`{near}` is defined here", materials[near].origin)) if near is not None else []
+            notes = list(make_notes(f"`{similar}` is defined here", materials[similar].origin)) if similar is not None else []
             notes += first.written
             places = {use.origin: use for use in reversed(others) if use.origin[:1] != first.origin[:1]}
             notes += _further_uses(reversed(places.values()), "material")
@@ -182,14 +182,14 @@ class PartInstances:
             if not isinstance(failure, PartFailure) or not isinstance(part, PartDefinition):
                 continue
             help: Hint
-            code, what, help = _FAILED[failure.kind]
+            code, description, help = _FAILED[failure.kind]
             notes = _further_uses(others, "part")
             if part.parameters:
-                given = zip(part.parameters, part.words)
-                notes.append(Note(message=f"parameters of the part: {', '.join(f'{name}={words}' for (name, _), words in given)}"))
+                parameters = zip(part.parameters, part.words)
+                notes.append(Note(message=f"parameters of the part: {', '.join(f'{name}={value}' for (name, _), value in parameters)}"))
             if failure.file is not None:
                 notes.append(Note(message="location in the part file", span=line_of(failure.file, failure.line or 1)))
-            message = f"`{first.path}` ({first.label}) {what}: {failure.message}"
+            message = f"`{first.path}` ({first.label}) {description}: {failure.message}"
             if failure.candidates:
                 help = did_you_mean(failure.subject, failure.candidates, what="parts")
             elif part.kind == "file" and failure.kind in ("invalid", "raised", "crashed"):
@@ -199,39 +199,39 @@ class PartInstances:
                 help = f"{unit}export it again as a solid"
             self._findings.error(code, message, first.origin, path=first.path, notes=notes, detail=failure.detail, help=help)
 
-    def _work_out(self, use: _Use) -> PartInstance | None:
-        component, own = use.component, use.component.definition
-        if isinstance(own, PartDefinition):
-            answer = self._records.get(own.text)
-            if isinstance(answer, PartFailure):
-                self._failures.setdefault(own.text, []).append(use)
-            if answer is None or isinstance(answer, PartFailure):
+    def _create(self, use: _Use) -> PartInstance | None:
+        component, definition = use.component, use.component.definition
+        if isinstance(definition, PartDefinition):
+            result = self._records.get(definition.text)
+            if isinstance(result, PartFailure):
+                self._failures.setdefault(definition.text, []).append(use)
+            if result is None or isinstance(result, PartFailure):
                 return None
-            use.record = answer
-            if not answer.exact:  # the values belong to a similar part, so errors that depend on these values are not reported
+            use.record = result
+            if not result.exact:  # the values belong to a similar part, so errors that depend on these values are not reported
                 self._findings.leave_out()
                 self.unknown = True
-            self._warn(use, answer)
-        elif not isinstance(own, LinkDefinition) and not component.frame:
+            self._warn(use, result)
+        elif not isinstance(definition, LinkDefinition) and not component.frame:
             return None
         record = use.record
         material = use.material = material_of(component, record, use.scope)
         if record is not None:
             self._warn_mirrored(use, record)
-        shapes = {name: one.shapes for name, one in component.overrides.choices.items() if one.shapes is not None}
-        for several in shapes.values():
-            warn_far(several, record, self._meshes, use.path, self._findings)
+        shapes = {target: choice.shapes for target, choice in component.overrides.choices.items() if choice.shapes is not None}
+        for listed in shapes.values():
+            warn_far(listed, record, self._meshes, use.path, self._findings)
         weighed = self._weigh(use)
-        sound = weighed is not None and self._physical(use)
+        sound = weighed is not None and self._is_physical(use)
         return PartInstance(
-            component=component, definition=Definition.of(own) if isinstance(own, PartDefinition | LinkDefinition) else FRAME,
+            component=component, definition=Definition.of(definition) if isinstance(definition, PartDefinition | LinkDefinition) else FRAME,
             record=record, material=material,
             color=(record.color if record is not None else None) or (material.color if material is not None else None),
             bom=bom_of(component, record, use.scope), properties=weighed.properties if weighed is not None else NOTHING,
             mass_source=weighed.source if weighed is not None else "derived", estimate=weighed.estimate if weighed is not None else None,
             mounts=self._mounts(use), sound=sound,
-            listed=list_shapes(own, material, self._meshes) if isinstance(own, LinkDefinition) else None,
-            contacts={name: list_shapes(several, material, self._meshes).touching for name, several in shapes.items()},
+            listed=list_shapes(definition, material, self._meshes) if isinstance(definition, LinkDefinition) else None,
+            contacts={name: list_shapes(listed, material, self._meshes).touching for name, listed in shapes.items()},
         )
 
     def _warn(self, use: _Use, record: PartRecord) -> None:
@@ -240,19 +240,19 @@ class PartInstances:
             if warning.asked is None:
                 message = f"{use.label}: {warning.message}"
                 self._warn_once((record.text, warning.message), use, Code.PART_WARNING, message, notes=_places([warning]), allow=False)
-        asked: dict[tuple[ImpureInputs, str], list[PartWarning]] = {}
+        impure: dict[tuple[ImpureInputs, str], list[PartWarning]] = {}
         for warning in record.warnings:
             # a line outside all classes affects every part of the module
             if warning.asked is not None and (_line(warning) or record.text, warning.message) not in self._warned:
-                asked.setdefault((warning.asked, warning.message), []).append(warning)
-        for (what, message), where in asked.items():
-            code = Code.PART_LEFT if what is ImpureInputs.LEFT else Code.PART_ASKS
-            if use.warn(code, f"{use.label} {message}", notes=_places(where), help=_INSTEAD[what], allow=False):
-                self._warned.update((_line(warning) or record.text, message) for warning in where)
+                impure.setdefault((warning.asked, warning.message), []).append(warning)
+        for (inputs, message), warnings in impure.items():
+            code = Code.PART_LEFT if inputs is ImpureInputs.LEFT else Code.PART_ASKS
+            if use.warn(code, f"{use.label} {message}", notes=_places(warnings), help=_INSTEAD[inputs], allow=False):
+                self._warned.update((_line(warning) or record.text, message) for warning in warnings)
         if record.apart:
             volumes = ", ".join(f"{float(f'{1e6 * volume:.3g}'):g}" for volume in record.apart[:_SHOWN_PLACES])
-            more = ", ..." if len(record.apart) > _SHOWN_PLACES else ""
-            message = f"{use.label} consists of {len(record.apart)} separate solids ({volumes}{more} cm^3)"
+            ellipsis = ", ..." if len(record.apart) > _SHOWN_PLACES else ""
+            message = f"{use.label} consists of {len(record.apart)} separate solids ({volumes}{ellipsis} cm^3)"
             help = "make the solids overlap, or return a list if separate solids are intended: `return [a, b]`"
             self._warn_once((record.text, Code.APART.code), use, Code.APART, message, help=help, notes=use.written)
 
@@ -267,18 +267,18 @@ class PartInstances:
     def _warn_mirrored(self, use: _Use, record: PartRecord) -> None:
         """Warn of a mirrored part that equals its mirror image, or that is a bought part. Each part is reported once."""
         component = use.component
-        plain = component.definition.plain if isinstance(component.definition, PartDefinition) else None
-        if plain is None or not record.exact:
+        original = component.definition.plain if isinstance(component.definition, PartDefinition) else None
+        if original is None or not record.exact:
             return
         bom, process = bom_of(component, record, use.scope), process_of(component, use.material)
         bought = bom.make == "buy" or bom.make is None and process is not None and (process.kind or "").lower() == "bought"
         if record.own_image and component.image_of is None:
             code = Code.OWN_IMAGE
-            message = f"`{component.name}` is mirrored, but the mirror image of `{plain.label}` has the same shape"
+            message = f"`{component.name}` is mirrored, but the mirror image of `{original.label}` has the same shape"
             help = "remove `mirror`"
         elif bought and bom.number is None:
             code = Code.MIRRORED_BOUGHT
-            message = f"`{component.name}` is the mirror image of `{plain.label}`, a purchased part: a mirrored version may not exist"
+            message = f"`{component.name}` is the mirror image of `{original.label}`, a purchased part: a mirrored version may not exist"
             help = "remove `mirror`, or add the order number of the mirror image: `bom: {number: ...}`"
             if component.image_of is not None:
                 help = "move the component from the mirrored assembly to the enclosing assembly"
@@ -293,10 +293,10 @@ class PartInstances:
         process = process_of(component, material)
         weighed = component_mass(component, record, material)
         if record is not None and record.exact and weighed is not None:
-            self._doubt(use, record, weighed)
+            self._warn_of_density(use, record, weighed)
         if material is None and record is not None and record.material is not None:
             if use.scope.materials_known:
-                self._unknown.setdefault((use.scope.document, record.material, weighed is None), []).append(use)
+                self._unknown_materials.setdefault((use.scope.document, record.material, weighed is None), []).append(use)
             if weighed is None or not use.scope.materials_known:
                 findings.leave_out()
         elif weighed is None and record is not None and material is None:
@@ -314,13 +314,13 @@ class PartInstances:
         needs_density = record is not None and record.volume > 0.0 and record.mass is None and component.overrides.mass is None
         if needs_density and weighed is not None and missing_keys(process):
             if unsaid := unsaid_keys(process):
-                self._incomplete(use, unsaid)
+                self._report_missing_settings(use, unsaid)
             else:
                 findings.leave_out()
             return None
         if needs_density and weighed is not None and estimate_of(process) == "layers" and process is not None:
             if layers_too_high(process):
-                self._high_layers(use, process)
+                self._report_high_layers(use, process)
                 return None
             if weighed.estimate == "skin":
                 self._report_unsliced(use, process)
@@ -338,7 +338,7 @@ class PartInstances:
             use.error(Code.NO_MATERIAL, f"`{use.component.name}` {why}", help=help)
             return None
 
-    def _doubt(self, use: _Use, record: PartRecord, weighed: MassResult) -> None:
+    def _warn_of_density(self, use: _Use, record: PartRecord, weighed: MassResult) -> None:
         """Warn of a density that is implausible, or of a mass that is implausible for the volume, at the location in the document."""
         component, material, stated = use.component, use.material, use.component.overrides.mass
         if record.volume <= 0.0 or stated is not None and stated.stand_in:
@@ -350,7 +350,7 @@ class PartInstances:
                 place = component.full_origin(stated.origin, use.origin)
                 use.warn(Code.DENSITY, f"`{component.name}` {doubt.words}", origin=place, help=help)
         elif record.mass is not None or record.density is not None:
-            self._doubt_thing(use, record)
+            self._warn_of_thing_density(use, record)
         elif material is not None and material.density is not None:
             doubt = density_doubt(material.density)
             if doubt is not None:
@@ -358,7 +358,7 @@ class PartInstances:
                 message = f"`{material.name}` {doubt.words}"
                 use.warn(Code.DENSITY, message, origin=material.density_origin, notes=notes, help=density_cure(doubt))
 
-    def _doubt_thing(self, use: _Use, record: PartRecord) -> None:
+    def _warn_of_thing_density(self, use: _Use, record: PartRecord) -> None:
         """Warn of a density or mass of a Thing that is implausible, at the first component that uses the Thing."""
         method, unit, doubt = "mass", "kg", None
         if record.mass is not None:
@@ -370,7 +370,7 @@ class PartInstances:
             key = (record.text, Code.DENSITY.code)
             self._warn_once(key, use, Code.DENSITY, f"{use.label} {doubt.words}", help=help, notes=use.written)
 
-    def _high_layers(self, use: _Use, process: Process) -> None:
+    def _report_high_layers(self, use: _Use, process: Process) -> None:
         """Report a layer height above the line width.
 
         If a material specifies both, the error is reported once per material, otherwise once per component.
@@ -388,14 +388,14 @@ class PartInstances:
         record = use.record
         slicing = slicing_of(process, use.component.overrides, record) if record is not None else None
         slices = record.slices.get(slicing) if record is not None and slicing is not None else None
-        if record is None or not isinstance(slices, SliceFailure) or (record.text, slices) in self._told:
+        if record is None or not isinstance(slices, SliceFailure) or (record.text, slices) in self._reported_slices:
             return
-        self._told.add((record.text, slices))
-        what = f"`{use.component.name}` ({use.label}) cannot be sliced"
+        self._reported_slices.add((record.text, slices))
+        subject = f"`{use.component.name}` ({use.label}) cannot be sliced"
         help = "fix the part, or set `process: {estimate: skin}` in the component"
-        use.warn(Code.UNSLICED, f"{what}: it {slices.reason}; its mass is estimated from its surface", help=help, allow=False)
+        use.warn(Code.UNSLICED, f"{subject}: it {slices.reason}; its mass is estimated from its surface", help=help, allow=False)
 
-    def _incomplete(self, use: _Use, missing: tuple[str, ...]) -> None:
+    def _report_missing_settings(self, use: _Use, missing: tuple[str, ...]) -> None:
         """Report the process settings that are missing for the estimate of the mass.
 
         If the process belongs to a material, the error is reported once per material, otherwise once per component.
@@ -404,14 +404,14 @@ class PartInstances:
         keys = of_material or missing
         listed = " and ".join(filter(None, (", ".join(f"`{key}`" for key in keys[:-1]), f"`{keys[-1]}`")))
         needed = {"walls", "line_width"} & set(keys)
-        instead = "`infill: 100 %`" if needed else "`estimate: skin`, which needs only `walls` and `line_width`"
-        name, where, whose = use.component.name, f"{listed} to the `process` of the material or of the component", "its process"
+        alternative = "`infill: 100 %`" if needed else "`estimate: skin`, which needs only `walls` and `line_width`"
+        name, advice, owner = use.component.name, f"{listed} to the `process` of the material or of the component", "its process"
         if of_material and use.material is not None:
-            name, where, whose = use.material.name, listed, "its `process`"
-        message = f"`{name}` is printed with an infill, but {whose} has no {listed}"
-        _report_process(use, Code.INFILL, message, f"add {where}, or write {instead}", of_material=bool(of_material))
+            name, advice, owner = use.material.name, listed, "its `process`"
+        message = f"`{name}` is printed with an infill, but {owner} has no {listed}"
+        _report_process(use, Code.INFILL, message, f"add {advice}, or write {alternative}", of_material=bool(of_material))
 
-    def _physical(self, use: _Use) -> bool:
+    def _is_physical(self, use: _Use) -> bool:
         """Return whether a rigid body can have the inertia that the Thing specifies. An error is reported if the inertia is not physical.
 
         Inertias in documents are checked by the function `check_stated`. Inertias that are computed from geometry need no check.
@@ -427,22 +427,22 @@ class PartInstances:
 
     def _mounts(self, use: _Use) -> dict[str, MountRecord]:
         """Return the mounts of a component: first `origin`, then the mounts of the part, then the mounts that the document adds."""
-        component, own = use.component, use.record.mounts if use.record is not None else {}
+        component, part_mounts = use.component, use.record.mounts if use.record is not None else {}
         axis = component.mounts_mirrored
         mounts = {"origin": MountRecord(pose=NO_POSE)}
-        mounts |= {name: mount if axis is None else mount.mirror_image(axis) for name, mount in own.items()}
+        mounts |= {name: mount if axis is None else mount.mirror_image(axis) for name, mount in part_mounts.items()}
         for name, extra in component.mounts.items():
             if mounts.setdefault(name, extra) is not extra:
                 use.error(
                     Code.MOUNT_CLASH, f"`{component.name}` already has a mount `{name}`", help="rename the mount that is added here",
-                    origin=component.full_origin(extra.origin, use.origin), notes=use.written if name in own else (),
+                    origin=component.full_origin(extra.origin, use.origin), notes=use.written if name in part_mounts else (),
                 )
         return mounts
 
 
-def _further_uses(others: Iterable[_Use], what: str) -> list[Note]:
+def _further_uses(others: Iterable[_Use], noun: str) -> list[Note]:
     """Return notes with the locations of further components that use a material or a part."""
-    notes = [note for use in others for note in make_notes(f"`{use.component.name}` also uses this {what}", use.origin)]
+    notes = [note for use in others for note in make_notes(f"`{use.component.name}` also uses this {noun}", use.origin)]
     return first_notes(notes, _SHOWN_PLACES - 1, "more component")
 
 
@@ -463,9 +463,9 @@ def bom_of(component: Component, record: PartRecord | None, scope: AssemblyDefin
     """
     stated = record.bom if record is not None else {}
     number, supplier, cost, make, link = map(stated.get, ("number", "supplier", "cost", "make", "link"))
-    thing = BomEntry(number=number, supplier=supplier, cost=cost, make=make, link=link)
-    number = component.bom.number or thing.number
-    return component.bom.merge_over(scope.catalog.get(number, BomEntry()) if number is not None else BomEntry()).merge_over(thing)
+    of_class = BomEntry(number=number, supplier=supplier, cost=cost, make=make, link=link)
+    number = component.bom.number or of_class.number
+    return component.bom.merge_over(scope.catalog.get(number, BomEntry()) if number is not None else BomEntry()).merge_over(of_class)
 
 
 def _line(warning: PartWarning) -> str:

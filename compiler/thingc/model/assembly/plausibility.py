@@ -45,35 +45,35 @@ def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
         if mate.loop is None and mate.child_mount != "origin":
             groups.setdefault((mate.parent, mate.child_mount, (definition.plain or definition).text), []).append(mate)
     for mates in groups.values():
-        for one, other in combinations(mates, 2):
-            turn = _turn_between(assembly, one, other)
-            part, opposite, parent = (assembly.occurrences[index].path for index in (other.child, one.child, one.parent))
+        for first, second in combinations(mates, 2):
+            turn = _turn_between(assembly, first, second)
+            part, opposite, parent = (assembly.occurrences[index].path for index in (second.child, first.child, first.parent))
             if turn and findings.warn(
                 Code.MIRRORED_TURN,
                 f"`{part}` is rotated by {abs(turn)} deg relative to the mirror image of `{opposite}`, on the other side of `{parent}`",
-                other.origin, path=part, notes=make_notes(f"`{opposite}` is placed here", one.origin),
+                second.origin, path=part, notes=make_notes(f"`{opposite}` is placed here", first.origin),
                 help=f"add {turn} deg to its `turn`, or use `facing` or `mate_x` for the mounts", allow=True,
             ):
                 break
 
 
-def _turn_between(assembly: Assembly, one: Mate, other: Mate) -> int:
+def _turn_between(assembly: Assembly, mate_a: Mate, mate_b: Mate) -> int:
     """Return the angle [deg] about the z axis of a mount by which the child of one mate must be turned.
 
     With this turn, the children of both mates are mirror images of each other at q = 0. Return 0 if there is no such angle, if the children
     are already mirror images, or if the mounts are not mirror images of each other.
     """
-    axes = [axis for mate in (one, other) if (axis := assembly.occurrences[mate.child].definition.mirror) is not None]
-    if len(axes) != 1 or dist(one.X_PJ.translation, other.X_PJ.translation) < CLOSE:
+    axes = [axis for mate in (mate_a, mate_b) if (axis := assembly.occurrences[mate.child].definition.mirror) is not None]
+    if len(axes) != 1 or dist(mate_a.X_PJ.translation, mate_b.X_PJ.translation) < CLOSE:
         return 0
-    first, second = (multiply(transpose(assembly.rest[m.parent].rotation), assembly.rest[m.child].rotation) for m in (one, other))
-    before, normal = (transpose(mate.X_PJ.rotation)[2] for mate in (one, other))
+    first, second = (multiply(transpose(assembly.rest[m.parent].rotation), assembly.rest[m.child].rotation) for m in (mate_a, mate_b))
+    normal_a, normal_b = (transpose(mate.X_PJ.rotation)[2] for mate in (mate_a, mate_b))
     for plane in map(Mirror, "xyz"):
-        if maximum(dist(plane.vector(one.X_PJ.translation), other.X_PJ.translation), dist(plane.vector(before), normal)) > CLOSE:
+        if maximum(dist(plane.vector(mate_a.X_PJ.translation), mate_b.X_PJ.translation), dist(plane.vector(normal_a), normal_b)) > CLOSE:
             continue
         image = [tuple(sign * entry for entry in Mirror(axes[0]).vector(row)) for sign, row in zip(plane.signs, first)]
         for turn in (0, 90, 180, -90):
-            turned = multiply(Twist(angular=normal).exponential(radians(turn)).rotation, second)
+            turned = multiply(Twist(angular=normal_b).exponential(radians(turn)).rotation, second)
             if maximum(map(dist, turned, image)) < CLOSE:
                 return turn
     return 0
@@ -113,7 +113,7 @@ def check_plausible(tree: Tree, assembly: Assembly) -> None:
     check_processes(tree, occurrences)
     _check_stated(occurrences, tree.findings)
     odd = _check_sizes(occurrences, tree.findings)
-    if not odd and not tree.findings.has_said(Code.DENSITY) and any(mate.joints for mate in mates):
+    if not odd and not tree.findings.has_reported(Code.DENSITY) and any(mate.joints for mate in mates):
         _check_mass(tree, mass)
     _check_actuators(tree, occurrences, mates, {mount.occurrence for mount in assembly.exported if "/" not in mount.path})
     _check_mounts(tree, mates)
@@ -135,19 +135,19 @@ def check_plausible(tree: Tree, assembly: Assembly) -> None:
 def _check_sizes(occurrences: Sequence[Occurrence], findings: LinkReport) -> bool:
     """Warn of each part with an implausible size, at its first component. Return whether any part has an implausible size."""
     warned: set[str] = set()
-    for one in occurrences:
-        if one.box is None or not one.exact or one.definition.text in warned:
+    for part in occurrences:
+        if part.box is None or not part.exact or part.definition.text in warned:
             continue
-        low, high = one.box
-        sides = [above - below for below, above in zip(low, high)]
+        (low, high), component = part.box, part.component
+        sides = [upper - lower for lower, upper in zip(low, high)]
         if SMALLEST <= maximum(sides) <= LARGEST:
             continue
         bound = f"under {1000.0 * SMALLEST:g} mm" if maximum(sides) < SMALLEST else f"over {LARGEST:g} m"
         if findings.warn(
-            Code.SIZE, f"`{one.component.name}` (`{one.definition.label}`) is {bound} long: its bounding box is {measures(one.box)}",
-            one.origin, path=one.path, notes=one.written, help=unit_meant(one.component.definition, maximum(sides)), allow=True,
+            Code.SIZE, f"`{component.name}` (`{part.definition.label}`) is {bound} long: its bounding box is {measures(part.box)}",
+            part.origin, path=part.path, notes=part.written, help=unit_meant(component.definition, maximum(sides)), allow=True,
         ):
-            warned.add(one.definition.text)
+            warned.add(part.definition.text)
     return bool(warned)
 
 
@@ -156,38 +156,39 @@ def _check_stated(occurrences: Sequence[Occurrence], findings: LinkReport) -> No
 
     Values that are computed from the shape are not checked.
     """
-    said: set[Origin] = set()
-    for one in occurrences:
-        doubt = _stated_doubt(one)
+    warned: set[Origin] = set()
+    for occurrence in occurrences:
+        doubt = _stated_doubt(occurrence)
         if doubt is None:
             continue
-        stated, what, help = doubt
-        where = one.component.full_origin(stated.origin, one.origin) if stated is not None else one.origin
-        notes = () if stated is not None else one.written
-        if where not in said and findings.warn(Code.STATED, what, where, path=one.path, help=help, allow=True, notes=notes):
-            said.add(where)
+        stated, message, help = doubt
+        origin = occurrence.component.full_origin(stated.origin, occurrence.origin) if stated is not None else occurrence.origin
+        notes = () if stated is not None else occurrence.written
+        if origin not in warned and findings.warn(Code.STATED, message, origin, path=occurrence.path, help=help, allow=True, notes=notes):
+            warned.add(origin)
 
 
-def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None:
+def _stated_doubt(occurrence: Occurrence) -> tuple[StatedValue | None, str, str] | None:
     """Compare the mass properties that a document or a Thing specifies with the shape of the part.
 
     If a value is implausible, return the value (None if the Thing specifies it), the message and the help text. Otherwise, return None.
     """
-    mass = one.properties.mass
-    if one.box is None or not one.exact or mass <= 0.0:
+    mass = occurrence.properties.mass
+    if occurrence.box is None or not occurrence.exact or mass <= 0.0:
         return None
-    (low, high), centre, inertia = one.box, one.properties.centre, one.properties.inertia
+    (low, high), centre, inertia = occurrence.box, occurrence.properties.centre, occurrence.properties.inertia
     size = dist(low, high)
     across = f"but the part is {length_words(size, 3)} across"
-    away = hypot(*(maximum(least - at, at - most, 0.0) for least, at, most in zip(low, centre, high, strict=True)))
-    if away > size:
-        what = f"the centre of mass of `{one.component.name}` is {length_words(away, 3)} outside its geometry, {across}"
-        return one.overrides.com, what, "check the unit (`mm`, `m`; `centre()` of a part class returns mm) and the direction of the axes"
+    distance = hypot(*(maximum(lower - at, at - upper, 0.0) for lower, at, upper in zip(low, centre, high, strict=True)))
+    if distance > size:
+        message = f"the centre of mass of `{occurrence.component.name}` is {length_words(distance, 3)} outside its geometry, {across}"
+        help = "check the unit (`mm`, `m`; `centre()` of a part class returns mm) and the direction of the axes"
+        return occurrence.overrides.com, message, help
     radius = sqrt(maximum(inertia[0][0] + inertia[1][1] + inertia[2][2], 0.0) / (2.0 * mass))
     if not size / COMPACT <= radius <= SPREAD * size:
         point = f"{mass_words(mass)} at a distance of {length_words(radius, 3)} from its centre"
-        what = f"the inertia of `{one.component.name}` corresponds to {point}, {across}"
-        return one.overrides.inertia, what, "check the unit: 1 kg*m^2 is 1e6 kg*mm^2, or 1e9 g*mm^2"
+        message = f"the inertia of `{occurrence.component.name}` corresponds to {point}, {across}"
+        return occurrence.overrides.inertia, message, "check the unit: 1 kg*m^2 is 1e6 kg*mm^2, or 1e9 g*mm^2"
     return None
 
 
@@ -231,26 +232,26 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
     if twist is None or not twist.turns:
         return
     ends = {key: value for key, value in (("lower", joint.limit.lower), ("upper", joint.limit.upper)) if value is not None}
-    path, here = instance.within(joint.path), joint.origin + instance.origin
+    path, origin = instance.within(joint.path), joint.origin + instance.origin
     wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * pi and not twist.pitch]  # screws may turn many times
     for key in wide:
         text, number, unit = _written_value(joint, key)
         cause = f"`{number} deg` was meant" if unit == "rad" and abs(float(number)) <= 360.0 * TURNS else "the value has a digit too many"
         findings.warn(
             Code.LIMIT_TURNS, f"`limit.{key}` of joint `{joint.name}` is {times_words(abs(ends[key]) / (2.0 * pi))} turns (`{text}`)",
-            joint.origin_of(f"limit.{key}", here), path=path, notes=_joint_note(joint, f"limit.{key}"),
+            joint.origin_of(f"limit.{key}", origin), path=path, notes=_joint_note(joint, f"limit.{key}"),
             help=f"probably {cause}; use `type: continuous` for a joint without limits", allow=True,
         )
     if wide or len(ends) < 2 or not all(ends.values()):
         return
     (lower, _, low_unit), (upper, _, high_unit) = _written_value(joint, "lower"), _written_value(joint, "upper")
-    by_option = any(joint.origin_of(f"limit.{key}", here)[0].option for key in ends)  # a command-line option may set only one limit
+    by_option = any(joint.origin_of(f"limit.{key}", origin)[0].option for key in ends)  # a command-line option may set only one limit
     if {low_unit, high_unit} == {"rad", "deg"} and not by_option:
         key, value = ("upper", upper) if high_unit == "rad" else ("lower", lower)
         findings.warn(
             Code.LIMIT_UNITS,
             f"joint `{joint.name}` has a lower limit in {low_unit} (`{lower}`) and an upper limit in {high_unit} (`{upper}`)",
-            joint.origin_of(f"limit.{key}", here), path=path, notes=_joint_note(joint, f"limit.{key}"),
+            joint.origin_of(f"limit.{key}", origin), path=path, notes=_joint_note(joint, f"limit.{key}"),
             help=f"use the same unit for both limits: `{value}` is `{twist.format(ends[key])}`", allow=True,
         )
 
@@ -261,8 +262,8 @@ def _written_value(joint: Joint, key: str) -> tuple[str, str, str]:
     If the text is not a number with a unit, the number and the unit are empty.
     """
     text = joint.written.get(f"limit.{key}", "").strip()
-    plain = _PLAIN.fullmatch(text)
-    return (text, plain[1], plain[2]) if plain is not None else (text, "", "")
+    match = _PLAIN.fullmatch(text)
+    return (text, match[1], match[2]) if match is not None else (text, "", "")
 
 
 def _joint_note(joint: Joint, key: str) -> tuple[Note, ...]:
@@ -282,19 +283,19 @@ def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findi
     friction, damping = edge.dynamics.friction or 0.0, edge.dynamics.damping or 0.0
     if friction >= DRAG * effort:
         key = "dynamics.friction"
-        words = "more than" if friction > effort else f"{100.0 * friction / effort:.0f} % of"
-        said = f"dry friction of {friction:.4g} {force}, {words} the effort of its drive ({effort:.4g} {force})"
+        comparison = "more than" if friction > effort else f"{100.0 * friction / effort:.0f} % of"
+        finding = f"dry friction of {friction:.4g} {force}, {comparison} the effort of its drive ({effort:.4g} {force})"
     elif fastest and damping and (effort - friction) / damping < SLOW * fastest:
         key = "dynamics.damping"
         slowest = (effort - friction) / damping
-        said = (
+        finding = (
             f"so much damping that its drive ({effort:.4g} {force}) reaches at most {slowest:.3g} {speed}, "
             f"{100.0 * slowest / fastest:.2g} % of its no-load speed ({fastest:.3g} {speed})"
         )
     else:
         return
     findings.warn(
-        Code.STUCK, f"joint `{joint.name}` has {said}", joint.origin_of(key, joint.origin + instance.origin), path=edge.path,
+        Code.STUCK, f"joint `{joint.name}` has {finding}", joint.origin_of(key, joint.origin + instance.origin), path=edge.path,
         notes=_joint_note(joint, key), help=f"check the unit (`m{force}`, `{force}`)", allow=True,
     )
 
@@ -302,47 +303,47 @@ def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findi
 # --- actuators and mounts ----------------------------------------------------------------------------------------------
 
 
-def _check_actuators(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], shown: Collection[int]) -> None:
+def _check_actuators(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], exporting: Collection[int]) -> None:
     """Warn of parts with an unused actuator.
 
-    Parts in `shown` are skipped: the top document exports their mounts, so a parent assembly may use the actuator. Parts on a joint with an
-    inline drive are also skipped.
+    Parts in `exporting` are skipped: the top document exports their mounts, so a parent assembly may use the actuator. Parts on a joint
+    with an inline drive are also skipped.
     """
     driving: dict[int, tuple[str, Drive]] = {}
     inline: set[str] = set()
     for instance, definition in tree.assemblies:
         drives = {instance.within(joint.path): joint.drive for joint in definition.joints if joint.drive is not None}
-        drives |= {instance.within(one.name): one.drive for one in definition.tendons if one.drive is not None}
+        drives |= {instance.within(tendon.name): tendon.drive for tendon in definition.tendons if tendon.drive is not None}
         for path, drive in drives.items():
             named = tree.component(instance, drive.component) if drive.component is not None else None
             if named is not None and named.index is not None:
-                user, other = driving.setdefault(named.index, (path, drive))
-                if user.rpartition("/")[0] != instance.path and (drive.gear or other.gear):  # in one document, it is reported earlier
+                user, first_drive = driving.setdefault(named.index, (path, drive))
+                if user.rpartition("/")[0] != instance.path and (drive.gear or first_drive.gear):  # in one document, it is reported earlier
                     tree.findings.error(
                         Code.TRANSMISSION, f"actuator `{named.path}` is used twice: it drives `{user}` and `{path}`",
                         drive.origin + instance.origin, path=path, help="remove the actuator from one of the two",
-                        notes=make_notes(f"`{user}` also uses it", other.origin),
+                        notes=make_notes(f"`{user}` also uses it", first_drive.origin),
                     )
             else:
                 inline.add(path)
-    for one in occurrences:
-        if one.record is None or one.record.actuator is None or one.index in driving or one.index in shown:
+    for part in occurrences:
+        if part.record is None or part.record.actuator is None or part.index in driving or part.index in exporting:
             continue
-        name = one.component.name
-        turning = [joint for mate in mates if one.index in (mate.parent, mate.child) for joint in mate.joints]
+        name = part.component.name
+        turning = [joint for mate in mates if part.index in (mate.parent, mate.child) for joint in mate.joints]
         if any(edge.path in inline for edge in turning):
             continue
-        still = [edge for edge in turning if edge.actuator is None]
-        nearby = (still or turning)[:1]
+        undriven = [edge for edge in turning if edge.actuator is None]
+        nearby = (undriven or turning)[:1]
         help = f"add `drive: {name}` to the joint that `{name}` moves"
-        if still:
-            help = f"if `{name}` moves joint `{still[0].path}`, add `drive: {name}` to the joint"
+        if undriven:
+            help = f"if `{name}` moves joint `{undriven[0].path}`, add `drive: {name}` to the joint"
         tree.findings.warn(
-            Code.IDLE_ACTUATOR, f"`{name}` (`{one.definition.label}`) has an actuator, but does not drive a joint", one.origin,
-            path=one.path, help=help, allow=True, notes=[
+            Code.IDLE_ACTUATOR, f"`{name}` (`{part.definition.label}`) has an actuator, but does not drive a joint", part.origin,
+            path=part.path, help=help, allow=True, notes=[
                 note for edge in nearby
                 for note in make_notes(
-                    f"joint `{edge.path}` is attached to this part and has {'no' if still else 'another'} drive", edge.origin,
+                    f"joint `{edge.path}` is attached to this part and has {'no' if undriven else 'another'} drive", edge.origin,
                 )
             ],
         )
@@ -353,18 +354,18 @@ def _check_mounts(tree: Tree, mates: Sequence[Mate]) -> None:
     used = {(end, mount) for mate in mates for end, mount in ((mate.parent, mate.parent_mount), (mate.child, mate.child_mount))}
     for instance, definition in tree.assemblies:
         for name, reference in definition.mounts.items():
-            on = tree.component(instance, reference)
-            namesake = tree.find_mount(on, name) if on is not None else None
+            owner = tree.component(instance, reference)
+            namesake = tree.find_mount(owner, name) if owner is not None else None
             mount = tree.find(instance, reference)
             if namesake is None or mount is None or (namesake.occurrence, namesake.mount) in used:
                 continue
             if (namesake.occurrence, namesake.pose) == (mount.occurrence, mount.pose):
                 continue
-            meant = ".".join((*reference.path, name))
+            alternative = ".".join((*reference.path, name))
             tree.findings.warn(
-                Code.OTHER_MOUNT, f"the mount `{name}` of `{definition.name}` is `{reference.text}`, although `{meant}` also exists",
+                Code.OTHER_MOUNT, f"the mount `{name}` of `{definition.name}` is `{reference.text}`, although `{alternative}` also exists",
                 reference.origin + instance.origin, path=instance.within(name),
-                help=f"write `{name}: {meant}`, or rename the mount", allow=True,
+                help=f"write `{name}: {alternative}`, or rename the mount", allow=True,
             )
 
 
@@ -374,15 +375,16 @@ def _check_mounts(tree: Tree, mates: Sequence[Mate]) -> None:
 class _Offset(FrozenStruct):
     """A suspiciously long offset between components.
 
-    The fields are the length [m], the location in the document, and texts for the warning.
+    The fields are the length [m], the location in the document, and texts for the warning. `text` precedes the length, and `advice` is what
+    the user should check.
     """
 
-    words: str
+    text: str
     length: float
     path: str
     origin: Origin
     notes: tuple[Note, ...] = ()
-    mind: str = "unit (`mm`, `m`)"
+    advice: str = "unit (`mm`, `m`)"
 
 
 def _check_offsets(tree: Tree, largest: Occurrence, size: float) -> None:
@@ -392,9 +394,9 @@ def _check_offsets(tree: Tree, largest: Occurrence, size: float) -> None:
             times = abs(offset.length) / size
             if times > FAR:
                 tree.findings.warn(
-                    Code.FAR, f"{offset.words} {length_words(offset.length)}, {times_words(times)} times the size of the largest part "
+                    Code.FAR, f"{offset.text} {length_words(offset.length)}, {times_words(times)} times the size of the largest part "
                     f"(`{largest.path}`, {length_words(size, 3)} across)", offset.origin + instance.origin,
-                    path=instance.within(offset.path), notes=offset.notes, help=f"check the {offset.mind}", allow=True,
+                    path=instance.within(offset.path), notes=offset.notes, help=f"check the {offset.advice}", allow=True,
                 )
 
 
@@ -403,11 +405,11 @@ def _offsets(definition: AssemblyDefinition, bound: float) -> Iterator[_Offset]:
     for component in definition.components:
         name, placement = component.name, component.placement
         if isinstance(placement, At):
-            yield _Offset(words=f"`{name}` is moved by", length=_length(placement.pose), path=name, origin=placement.origin)
+            yield _Offset(text=f"`{name}` is moved by", length=_length(placement.pose), path=name, origin=placement.origin)
         elif isinstance(placement, Attach):
-            yield _Offset(words=f"`{name}` is moved by", length=abs(placement.gap), path=name, origin=placement.origin)
+            yield _Offset(text=f"`{name}` is moved by", length=abs(placement.gap), path=name, origin=placement.origin)
         for mount, extra in component.mounts.items():
-            yield _Offset(words=f"the mount `{name}.{mount}` is moved by", length=_length(extra.pose), path=name, origin=extra.origin)
+            yield _Offset(text=f"the mount `{name}.{mount}` is moved by", length=_length(extra.pose), path=name, origin=extra.origin)
     for joint in definition.joints:
         yield from _travels(joint, bound)
 
@@ -419,21 +421,21 @@ def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
     """
     per_unit, turns = (hypot(*joint.twist.linear), joint.twist.turns) if joint.twist is not None else (0.0, False)
     moved = maximum(abs(joint.gap), abs(joint.offset) * per_unit)
-    yield _Offset(words=f"joint `{joint.name}` is moved by", length=moved, path=joint.name, origin=joint.origin)
+    yield _Offset(text=f"joint `{joint.name}` is moved by", length=moved, path=joint.name, origin=joint.origin)
     lead = tau * per_unit if turns else 0.0
     ends = {"lead": lead} if lead > bound else {
         key: value * per_unit for key, value in (("limit.lower", joint.limit.lower), ("limit.upper", joint.limit.upper))
         if value is not None
     }
     for key, length in ends.items():
-        of, place, notes = f"`{key}` of joint `{joint.name}`", joint.origin_of(key, joint.origin), _joint_note(joint, key)
+        subject, place, notes = f"`{key}` of joint `{joint.name}`", joint.origin_of(key, joint.origin), _joint_note(joint, key)
         if turns and key != "lead":
             yield _Offset(
-                words=f"{of} corresponds to a travel of", length=length, path=joint.name, origin=place, notes=notes,
-                mind=f"unit (`deg`, `rev`): the lead is {length_words(lead)}",
+                text=f"{subject} corresponds to a travel of", length=length, path=joint.name, origin=place, notes=notes,
+                advice=f"unit (`deg`, `rev`): the lead is {length_words(lead)}",
             )
         else:
-            yield _Offset(words=f"{of} is", length=length, path=joint.name, origin=place, notes=notes)
+            yield _Offset(text=f"{subject} is", length=length, path=joint.name, origin=place, notes=notes)
 
 
 def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: LinkReport) -> None:
@@ -456,38 +458,39 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
 
     If an offset has already been reported, distances are not checked.
     """
-    whole = sum_of(link.properties.mass for link in links)
+    total = sum_of(link.properties.mass for link in links)
     for link in links:
         placed = [(occurrences[member], pose) for member, pose in zip(link.members, link.poses, strict=True)]
-        boxes = [(one.box, pose) for one, pose in placed if one.box is not None]
-        for one, pose in placed:
-            stated, mass = one.overrides.mass, one.properties.mass
-            if one.record is not None or one.listed is not None or stated is None:
+        boxes = [(part.box, pose) for part, pose in placed if part.box is not None]
+        for occurrence, pose in placed:
+            stated, mass = occurrence.overrides.mass, occurrence.properties.mass
+            if occurrence.record is not None or occurrence.listed is not None or stated is None:
                 continue
-            rest = whole - mass
-            if mass > BURDEN * rest > 0.0:
+            others = total - mass
+            if mass > BURDEN * others > 0.0:
                 findings.warn(
-                    Code.BARE_MASS, f"`{one.component.name}` weighs {mass_words(mass)}, {times_words(mass / rest)} times the rest "
-                    f"of the robot ({mass_words(rest)})", one.component.full_origin(stated.origin, one.origin),
-                    path=one.path, help="check the unit (`g`, `kg`)", allow=True,
+                    Code.BARE_MASS, f"`{occurrence.component.name}` weighs {mass_words(mass)}, {times_words(mass / others)} times the rest "
+                    f"of the robot ({mass_words(others)})", occurrence.component.full_origin(stated.origin, occurrence.origin),
+                    path=occurrence.path, help="check the unit (`g`, `kg`)", allow=True,
                 )
-            elif boxes and not findings.has_said(Code.FAR):
+            elif boxes and not findings.has_reported(Code.FAR):
                 # include the origin of the link, because a joint may be at the origin although the parts are far away
-                _check_place(one, pose.apply(one.properties.centre), [*boxes, (((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), NO_POSE)], findings)
+                link_origin = (((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), NO_POSE)
+                _check_place(occurrence, pose.apply(occurrence.properties.centre), [*boxes, link_origin], findings)
 
 
-def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector, Vector], Pose]], findings: LinkReport) -> None:
-    """Warn of a component with a mass but without a shape if its position `at` is far from the boxes of the other parts of its link."""
+def _check_place(occurrence: Occurrence, centre: Vector, boxes: Sequence[tuple[tuple[Vector, Vector], Pose]], findings: LinkReport) -> None:
+    """Warn of a component with a mass but without a shape if `centre` is far from the boxes of the other parts of its link."""
     corners = [corner for box, pose in boxes for corner in pose.around(box)]
-    sides = [(minimum(side), maximum(side)) for side in zip(*corners, strict=True)]
-    away = hypot(*(maximum(low - x, x - high, 0.0) for x, (low, high) in zip(at, sides, strict=True)))
+    sides = [(minimum(extent), maximum(extent)) for extent in zip(*corners, strict=True)]
+    distance = hypot(*(maximum(low - x, x - high, 0.0) for x, (low, high) in zip(centre, sides, strict=True)))
     size = maximum(high - low for low, high in sides)
-    if away > size:
-        placement = one.component.placement
-        place = one.component.full_origin(placement.origin, one.origin) if isinstance(placement, At) else one.origin
+    if distance > size:
+        placement = occurrence.component.placement
+        place = occurrence.component.full_origin(placement.origin, occurrence.origin) if isinstance(placement, At) else occurrence.origin
         findings.warn(
-            Code.BARE_MASS, f"the mass of `{one.component.name}` is {length_words(away, 3)} away from the parts of its link, "
-            f"which are {length_words(size, 3)} across", place, path=one.path,
+            Code.BARE_MASS, f"the mass of `{occurrence.component.name}` is {length_words(distance, 3)} away from the parts of its link, "
+            f"which are {length_words(size, 3)} across", place, path=occurrence.path,
             help="check the unit (`mm`, `m`)", allow=True,
         )
 

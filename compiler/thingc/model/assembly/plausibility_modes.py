@@ -48,8 +48,8 @@ def check_modes(
     _check_gravity(top.modes, findings)
     _check_magnets(top, modes, mass, findings)
     _check_held(top, modes, magnets, findings)
-    worked_out = {mode.name for mode in top.modes if mode.worked_out}
-    _check_alike([mode for mode in modes if mode.name not in worked_out], findings)
+    with_expressions = {mode.name for mode in top.modes if mode.has_expressions}
+    _check_alike([mode for mode in modes if mode.name not in with_expressions], findings)
 
 
 def _check_steps(top: AssemblyDefinition, findings: LinkReport) -> None:

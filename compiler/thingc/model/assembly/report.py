@@ -55,7 +55,7 @@ class LinkReport:
             self._said.add(key)
         return said
 
-    def has_said(self, code: Code) -> bool:
+    def has_reported(self, code: Code) -> bool:
         """Return whether the pass `link` has reported a diagnostic with this code."""
         return any(known is code for known, _, _ in self._said)
 

@@ -30,7 +30,7 @@ class Surface(OneLineRepr, FrozenStruct):
     `solid` is placed at `pose` in the frame of the component, with a material and a colour. `color` is `#rrggbb` or `#rrggbbaa`, or None
     for the colour of the mesh. For a mesh file that a link lists, `name` is the file name without extension, and `volume` is the volume
     [m^3]. `scale` contains the scale factors if MuJoCo reads the original mesh file. `title` is the name that a document specifies for the
-    shape in output files, without the path of nested documents.
+    shape in output files, without the path of nested documents. `own` identifies the original mesh file.
     """
 
     solid: Mesh | Primitive
@@ -133,11 +133,11 @@ class Occurrence(PartInstance):
 
     @property
     def touching(self) -> tuple[Surface, ...]:
-        """The collision shapes, in the occurrence's frame. For a part, the setting `collision` of the component selects the shape.
+        """The collision shapes, in the occurrence's frame.
 
-        For a mesh file that a document lists, the collision shape is the convex hull of the mesh, or its convex pieces.
-
-        The result is empty if `collision` is `none`, if there is no geometry, or if the part does not have the selected shape.
+        For a part, the setting `collision` of the component selects the shapes. For a mesh file that a document lists, the shapes are the
+        convex hull of the mesh, or its convex pieces. The tuple is empty if `collision` is `none`, if there is no geometry, or if the part
+        does not have the selected shape.
         """
         if self.listed is not None:
             return self.listed.touching
@@ -159,10 +159,13 @@ class Occurrence(PartInstance):
         return bool(self.listed.touching) if self.listed is not None else self.overrides.collision != "none"
 
     def in_target(self, target: str, omitted: Collection[str] = ()) -> Occurrence:
-        """Return the occurrence with the shapes that the document selects for a format. `omitted` are the omitted levels of detail."""
+        """Return the occurrence with the shapes that the document selects for the format `target`.
+
+        If the occurrence belongs to a level of detail in `omitted`, return the occurrence without shapes.
+        """
         if not self.detail.isdisjoint(omitted):
-            bare = None if self.listed is None else replace(self.listed, drawn=(), touching=())
-            return replace(self, overrides=replace(self.overrides, targets={}, visual=False, collision="none"), listed=bare)
+            without_shapes = None if self.listed is None else replace(self.listed, drawn=(), touching=())
+            return replace(self, overrides=replace(self.overrides, targets={}, visual=False, collision="none"), listed=without_shapes)
         choice = self.overrides.targets.get(target)
         if choice is None:
             return self
@@ -238,8 +241,8 @@ class Mate(OneLineRepr, FrozenStruct):
     With the coordinates in `joints`, the pose of the child in the frame of the parent is `X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @
     exp(twist_1 (q_1 + offset_1)) ... @ X_JC`. A mate without joints is rigid. `name` is the path of the joint, or None for a rigid mate.
     `parent_mount` and `child_mount` are the names of the mated mounts (`origin` for `at`). `loop` is the path of a joint that closes a
-    loop. A mate with a `loop` does not place its child component. The sides of a rigid mate with `keep` are separate links, between which
-    `name` is a fixed joint. A `base` is the base of a nested assembly in a mode.
+    loop. A mate with a `loop` does not place its child component. The sides of a rigid mate with `keep` are separate links, which the fixed
+    joint `name` connects. `base` is True for the joint of the base of a nested assembly in a mode.
     """
 
     parent: int
@@ -349,7 +352,7 @@ class LinkedSensor(Measurement):
 
     `joint` and `tendon` are paths in the robot, and `touching` contains indices of links.
 
-    `parts` contains the readings with their own names in output files.
+    `parts` maps readings to their names in output files, if a document specifies these names.
     """
 
     path: SensorPath
@@ -363,7 +366,7 @@ class LinkedSensor(Measurement):
     @property
     def mounts(self) -> tuple[LinkedMount, ...]:
         """The mounts to which the sensor refers."""
-        return tuple(one for one in (self.at, self.seen_from) if one is not None)
+        return tuple(mount for mount in (self.at, self.seen_from) if mount is not None)
 
     @property
     def site(self) -> str | None:
@@ -371,7 +374,7 @@ class LinkedSensor(Measurement):
         return None if self.at is None else self.at.path
 
     def part(self, reading: str) -> str:
-        """Return the name of one reading of the sensor, such as `gyro`, for output formats in which each reading is a separate sensor."""
+        """Return the name in output files of a reading such as `gyro`, for formats in which each reading is a separate sensor."""
         return self.parts.get(reading, f"{self.path}:{reading}")
 
 
@@ -405,7 +408,7 @@ class LinkedTendon(resolved.TendonLength):
     @property
     def mounts(self) -> tuple[LinkedMount, ...]:
         """The mounts through which the tendon passes, and the mounts of the shapes around which the tendon wraps."""
-        return tuple(one for step in self.steps for one in (step.mount, step.side) if one is not None)
+        return tuple(mount for step in self.steps for mount in (step.mount, step.side) if mount is not None)
 
     def length(self, q: Mapping[str, float]) -> float:
         """Compute the length [rad or m] of a tendon whose length is a sum of joint coordinates.
@@ -502,9 +505,9 @@ class Assembly(Connected):
     def in_target(self, target: str) -> Assembly:
         """Return the assembly with the shapes that the document selects for a format, without the omitted levels of detail."""
         omitted = self.definition.omitted.get(target, frozenset())
-        if not omitted and not any(target in one.overrides.targets for one in self.occurrences):
+        if not omitted and not any(target in occurrence.overrides.targets for occurrence in self.occurrences):
             return self
-        return replace(self, occurrences=tuple(one.in_target(target, omitted) for one in self.occurrences))
+        return replace(self, occurrences=tuple(occurrence.in_target(target, omitted) for occurrence in self.occurrences))
 
     @property
     def hag(self) -> Hag:
@@ -515,9 +518,9 @@ class Assembly(Connected):
     def drives(self) -> dict[str, str]:
         """The names of drives in output files, keyed by the path of the joint coordinate or tendon that the drive moves."""
         driven: list[JointEdge | LinkedTendon] = [*(joint for mate in self.mates for joint in mate.joints), *self.tendons]
-        return {one.path: one.actuator.name or one.path for one in driven if one.actuator is not None}
+        return {element.path: element.actuator.name or element.path for element in driven if element.actuator is not None}
 
     @property
     def properties(self) -> MassProperties:
         """The mass properties of the whole robot at q = 0, in the frame of the base component."""
-        return total(o.properties.seen_from(self.rest[o.index]) for o in self.occurrences)
+        return total(occurrence.properties.seen_from(self.rest[occurrence.index]) for occurrence in self.occurrences)

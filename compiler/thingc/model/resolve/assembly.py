@@ -28,7 +28,7 @@ from thingc.model.resolve.modes import modes, place_in_modes, simulation, step_o
 from thingc.model.resolve.motions import motions
 from thingc.model.resolve.names import names
 from thingc.model.resolve.nested_assemblies import assemblies_of
-from thingc.model.resolve.parameters import canonical, check_bounds, declared_parameters, worked_out
+from thingc.model.resolve.parameters import canonical, check_bounds, declared_parameters, evaluate_parameters
 from thingc.model.resolve.placement import Places, check, own_placements
 from thingc.model.resolve.poses import poses
 from thingc.model.resolve.raw import added_elements, raw
@@ -59,7 +59,7 @@ def resolve_assembly(
     """
     document = context.documents.by_path[relative]
     own = declared_parameters(context, document, spec)
-    values, broken = (dict(own.values), set(own.broken)) if not given else worked_out(
+    values, broken = (dict(own.values), set(own.broken)) if not given else evaluate_parameters(
         document, spec, given, context.report, context.doubts(document),
     )
     choices = chosen.that_say_more(context, relative, spec, choices) if choices else ()

@@ -30,7 +30,7 @@ def from_command_line(context: ResolveRun, choices: Mapping[str, str]) -> Choice
     sound: dict[str, str] = {}
     for path, text in choices.items():
         if parse(path) is None and not is_value(path):
-            context.say_of_option(path, f"`{shorten(path)}` cannot be set", f"write {VALUES}; {EXAMPLES}")
+            context.report_option_error(path, f"`{shorten(path)}` cannot be set", f"write {VALUES}; {EXAMPLES}")
         else:
             sound[path] = text
     return tuple(sorted(sound.items()))
@@ -115,7 +115,7 @@ def check_names(context: ResolveRun, table: DocumentScope, items: Sequence[Unrol
         choice, through = parse(path), split_nested(path)
         name = through[0] if through is not None else next(iter(choice.components), None) if choice is not None else None
         if name is not None and name not in names:
-            context.say_of_option(
+            context.report_option_error(
                 path, f"`{table.spec.name}` has no component `{name}`", did_you_mean(name, table.spec.components, what="components"),
             )
 
@@ -134,7 +134,7 @@ def apply_choices(context: ResolveRun, table: DocumentScope, item: Unrolled[Comp
         path = f"components.{label}.{key}"
         if key == "material":
             if kind == "assembly":
-                context.say_of_option(
+                context.report_option_error(
                     path, f"`{label}` is an assembly, which has no material",
                     f"set `components.{label}.{DEFAULT_MATERIAL}`, or the material of one of its components",
                 )
@@ -146,17 +146,17 @@ def apply_choices(context: ResolveRun, table: DocumentScope, item: Unrolled[Comp
             if kind in ("link", "frame"):
                 said = "is a frame, without geometry" if kind == "frame" else "is a link with inline shapes"
                 help = "use a component with geometry" if kind == "frame" else "set the material of the link, or use another component"
-            context.say_of_option(path, f"component `{label}` {said}", help)
+            context.report_option_error(path, f"component `{label}` {said}", help)
             continue
         if key == "file" and spec.unit is not None and text.lower().endswith(SUFFIXES_WITH_UNIT):
             said = f"`{shorten(text)}` specifies its own unit, but component `{label}` has `unit: {spec.unit}`"
-            context.say_of_option(path, said, UNIT_OF_ITS_OWN)
+            context.report_option_error(path, said, UNIT_OF_ITS_OWN)
             continue
         taken[key] = text
     inside = below(table.choices, *names)
     if inside and kind != "assembly":
         path = f"components.{label}.{inside[0][0]}"
-        context.say_of_option(path, f"component `{label}` is not an assembly and has no components", None)
+        context.report_option_error(path, f"component `{label}` is not an assembly and has no components", None)
     return (spec.model_copy(update=dict(taken)) if taken else spec), frozenset(taken)
 
 
@@ -167,13 +167,13 @@ def check_part(context: ResolveRun, node: ComponentScope, reference: str) -> boo
         return True
     if isinstance(schema, PartFailure):
         help = missing_hint(context, reference, schema) if schema.kind == "missing" else None
-        context.say_of_option(f"components.{node.name}.part", f"part `{shorten(reference)}`: {schema.message}", help)
+        context.report_option_error(f"components.{node.name}.part", f"part `{shorten(reference)}`: {schema.message}", help)
     return False
 
 
 def refuse_file(context: ResolveRun, node: ComponentScope, text: str) -> None:
     """Report an error for a chosen file that is not a part."""
-    context.say_of_option(
+    context.report_option_error(
         f"components.{node.name}.file", f"`{shorten(text)}` is not a part file in this workspace",
         f"write a path relative to `{context.documents.root.relative}`, for example `parts/motor.step`",
     )
@@ -181,14 +181,14 @@ def refuse_file(context: ResolveRun, node: ComponentScope, text: str) -> None:
 
 def refuse_circle(context: ResolveRun, node: ComponentScope, relative: str) -> None:
     """Report an error for a choice by which an assembly would contain itself."""
-    context.say_of_option(f"components.{node.name}.assembly", f"`{relative}` would contain itself", "choose another assembly")
+    context.report_option_error(f"components.{node.name}.assembly", f"`{relative}` would contain itself", "choose another assembly")
 
 
 def _known_material(context: ResolveRun, table: DocumentScope, name: str, path: str) -> bool:
     if name in table.materials:
         return True
     if not table.materials_unreadable:
-        context.say_of_option(
+        context.report_option_error(
             path, f"there is no material `{shorten(name)}` in `{table.spec.name}` or its `materials`",
             did_you_mean(name, table.materials, what="materials"),
         )

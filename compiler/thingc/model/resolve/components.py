@@ -19,7 +19,7 @@ from thingc.model.resolve.bom import bom_entry
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun, names_in
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.mirroring import mirror_assembly, other_axis
-from thingc.model.resolve.parameters import fitting
+from thingc.model.resolve.parameters import check_values
 from thingc.model.resolve.parts import of_code, of_file
 from thingc.model.resolve.repeats import MAX_OCCURRENCES, Unrolled
 from thingc.model.resolve.scope import DefaultLayers
@@ -47,7 +47,7 @@ def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[Co
         spec, chosen = choose.apply_choices(context, table, item)
         node = ComponentScope(name=item.name, spec=spec, path=item.path, scope=item.scope, chosen=chosen)
         table.nodes[item.name] = node
-        node.doubtful = node.unsound = _in_doubt(table, node)
+        node.incomplete = node.unsound = _in_doubt(table, node)
         _define(context, table, node, nest)
         node.mounts = said.extra_mounts(node) if item.spec.mounts else {}
         if not node.frame and node.definition is None:
@@ -158,7 +158,7 @@ def _given_values(context: ResolveRun, node: ComponentScope, relative: str, spec
         scope.error(code, message, (*path, name), help=help, notes=notes, key=code is Code.UNKNOWN_PARAMETER)
 
     document = context.documents.by_path[relative]
-    return fitting(context, document, spec, values, f"`{spec.name}`", complain, scope.names)
+    return check_values(context, document, spec, values, f"`{spec.name}`", complain, scope.names)
 
 
 def components(

@@ -47,9 +47,9 @@ class ComponentScope:
     """A component of a document that is being resolved.
 
     `table` contains the resolved elements of the nested document, or is None if the component is not a nested assembly. `shapes` contains
-    the collision shapes that the document lists for a part, by format. `unsound` is True
-    if a value that later passes need is invalid, and `unplaced` is True if only the placement is invalid. `doubtful` is True if validation
-    removed invalid entries. `chosen` contains the keys whose values come from `--set` options.
+    the collision shapes that the document lists for a part, keyed by format. `unsound` is True if a value that later passes need is
+    invalid, and `unplaced` is True if only the placement is invalid. `incomplete` is True if validation removed invalid entries. `chosen`
+    contains the keys whose values come from `--set` options.
     """
 
     name: str
@@ -62,7 +62,7 @@ class ComponentScope:
     mounts: dict[str, ExtraMount] = field(default_factory=dict)
     unsound: bool = False
     unplaced: bool = False
-    doubtful: bool = False
+    incomplete: bool = False
     chosen: frozenset[str] = frozenset()
 
     @property
@@ -72,7 +72,7 @@ class ComponentScope:
 
     @property
     def bare(self) -> str | None:
-        """`frame` or `link` for a component of this type, whose mounts are all defined in the document. None for other components."""
+        """`frame` or `link` for a frame or a link, whose mounts are all in the document. None for a part and an assembly."""
         return "frame" if self.frame else "link" if self.spec.link is not None else None
 
 
@@ -157,13 +157,13 @@ class DocumentScope:
             elif node.table is not None:
                 yield from ((f"{node.name}.{path}", inner, mode) for path, inner, mode in node.table.all_modes())
 
-    def unsure_joints(self) -> bool:
+    def may_lack_joints(self) -> bool:
         """Return whether joints may be missing because of errors.
 
         If joints may be missing, a pattern that does not match any joint is not reported.
         """
         return bool(self.unbuilt or self.unbuilt_joints) or any(
-            node.unsound or node.unplaced or (node.table is not None and node.table.unsure_joints()) for node in self.nodes.values()
+            node.unsound or node.unplaced or (node.table is not None and node.table.may_lack_joints()) for node in self.nodes.values()
         )
 
 
@@ -179,8 +179,8 @@ class ResolveRun:
     """One run of `resolve`: its inputs, its results, and the reported errors.
 
     `tables` contains the scope of each document by its key, so that equal definitions are the same object. `nesting` contains the documents
-    that are being resolved, outermost first, and `route` contains the components that nest these documents. `said` contains the reported
-    errors and is shared by all scopes. `overfull` is True if the error about too many occurrences has been reported. `digest` is a function
+    that are being resolved, outermost first, and `route` contains the components that nest these documents. All scopes share `reported`,
+    the set of reported errors. `overfull` is True if the error about too many occurrences has been reported. `digest` is a function
     that returns the SHA-256 of a file. `quantities` is copied from the `Settings` of the compilation.
     """
 
@@ -196,42 +196,39 @@ class ResolveRun:
     parts: dict[tuple[str, tuple[tuple[str, Value], ...]], PartDefinition] = field(default_factory=dict)
     failed_parts: set[str] = field(default_factory=set)
     materials: dict[str, dict[str, Material | None]] = field(default_factory=dict)
-    said: set[tuple[str, Code, Path, bool]] = field(default_factory=set)
+    reported: set[tuple[str, Code, Path, bool]] = field(default_factory=set)
     overfull: bool = False
     recalled: Mapping[tuple[str, tuple[tuple[str, Value], ...]], DocumentScope] = field(default_factory=dict)
     memo: Memo = field(default_factory=Memo)
-    of_any_text: Memo = field(default_factory=Memo)
+    nested_memo: Memo = field(default_factory=Memo)
     digest: Callable[[str], str] = digest_of
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
 
     def recall(self) -> None:
         """Reuse results of the last run whose inputs have not changed: resolved nested documents and materials documents."""
-        known = self.memo.last("resolve", (self.specs, self.schemas))
-        if known is not None:
-            self.recalled, declared, materials = known
+        results = self.memo.last("resolve", (self.specs, self.schemas))
+        if results is not None:
+            self.recalled, declared, materials = results
             self.declared.update(declared)
             self.materials.update(materials)
         else:
-            self.recalled = self.of_any_text.last(("nested", self.documents.root.relative), self._nested_inputs()) or {}
+            self.recalled = self.nested_memo.last(("nested", self.documents.root.relative), self._nested_inputs()) or {}
 
     def _nested_inputs(self) -> tuple[object, ...]:
-        """Return the data that influence the resolution of nested documents.
-
-        Cached results are only valid if these data are unchanged.
-        """
+        """Return the data on which the resolution of nested documents depends, for comparison with the last run."""
         root = self.documents.root
-        return {path: one for path, one in self.documents.by_path.items() if one is not root}, self.schemas, self.workspace
+        return {path: document for path, document in self.documents.by_path.items() if document is not root}, self.schemas, self.workspace
 
     def table(self, key: tuple[str, tuple[tuple[str, Value], ...]]) -> DocumentScope | None:
         """Return the cached scope of a document with these parameters, from this run or from the last run.
 
         Return None if there is no cached scope.
         """
-        known = self.tables.get(key)
-        if known is None and key in self.recalled:
-            known = self.tables[key] = self.recalled[key]
-            self.tables.update((table.key, table) for table in known.inner())
-        return known
+        cached = self.tables.get(key)
+        if cached is None and key in self.recalled:
+            cached = self.tables[key] = self.recalled[key]
+            self.tables.update((table.key, table) for table in cached.inner())
+        return cached
 
     def values(self, scope: Scope, place: str, model: object) -> tuple[ExpressionValue | None, ...]:
         """Return the values of all names that occur in the expressions of a section of a document."""
@@ -257,23 +254,24 @@ class ResolveRun:
         )
 
     def sound(self, place: Hashable, inputs: tuple[object, ...], make: Callable[[], Answer]) -> Answer:
-        """Return the result of the function `make`.
+        """Return the result of the function `make`, or its cached result if `inputs` are the same as in the last run.
 
-        If the inputs are the same as in the last run, the cached result is returned. Results are not cached if diagnostics were reported.
+        `place` identifies the result in the cache. Results are not cached if diagnostics were reported.
         """
-        known: Answer | None = self.memo.last(place, inputs)
-        if known is None:
-            known = make()
+        result: Answer | None = self.memo.last(place, inputs)
+        if result is None:
+            result = make()
             if not self.report.diagnostics:
-                self.memo.keep(place, inputs, known)
-        return known
+                self.memo.keep(place, inputs, result)
+        return result
 
-    def same(self, what: str, document: str, made: Iterable[Named]) -> tuple[Named, ...]:
-        """For each element that equals an element of the last run, return the object of the last run.
+    def same(self, section: str, document: str, elements: Iterable[Named]) -> tuple[Named, ...]:
+        """Return the elements, with each element that equals an element of the last run replaced by the object of the last run.
 
-        All other elements are returned unchanged. Because these objects are identical, later passes can use cached results.
+        `section` identifies the elements in the cache. Because unchanged elements are identical objects, later passes can use cached
+        results.
         """
-        return tuple(self.memo.same((what, document, *self.route, one.name), one) for one in made)
+        return tuple(self.memo.same((section, document, *self.route, element.name), element) for element in elements)
 
     def remember(self, top: DocumentScope) -> None:
         """Cache the resolved nested documents for the next run, unless diagnostics were reported.
@@ -282,11 +280,11 @@ class ResolveRun:
         failed parts or suppressed warnings, nothing is cached, because the next run must report them again.
         """
         tables = {table.key: table for table in top.inner()}
-        said = [diagnostic.span for diagnostic in self.report.diagnostics]
-        own = self.documents.root.path
-        if not (self.failed_parts or self.report.allowed) and all(span is not None and span.file == own for span in said):
-            self.of_any_text.keep(("nested", self.documents.root.relative), self._nested_inputs(), tables)
-        if said:
+        spans = [diagnostic.span for diagnostic in self.report.diagnostics]
+        top_file = self.documents.root.path
+        if not (self.failed_parts or self.report.allowed) and all(span is not None and span.file == top_file for span in spans):
+            self.nested_memo.keep(("nested", self.documents.root.relative), self._nested_inputs(), tables)
+        if spans:
             return
         self.memo.keep("resolve", (self.specs, self.schemas), (tables, self.declared, self.materials))
 
@@ -294,13 +292,14 @@ class ResolveRun:
         """Convert a path in the current document to a path that begins in the top document."""
         return ".".join((*(f"components.{name}" for name in self.route), path))
 
-    def say_of_option(self, path: str, message: str, help: Hint | None) -> None:
+    def report_option_error(self, path: str, message: str, help: Hint | None) -> None:
         """Report an error in the option `--set` whose path is `path` in the current document."""
         self.report.add(Code.CHOICE_OPTION, message, None, path=f"{SET}{self.from_top(path)}", help=help)
 
     def scope(self, document: Document, names: Mapping[str, ExpressionValue], broken: frozenset[str] = NOTHING) -> Scope:
         """Create a scope for expressions in a document. Errors in expressions are added to the report of this run."""
-        return Scope(document=document, report=self.report, names=names, broken=broken, said=self.said, doubts=self.doubts(document))
+        doubts = self.doubts(document)
+        return Scope(document=document, report=self.report, names=names, broken=broken, reported=self.reported, doubts=doubts)
 
     def doubts(self, document: Document) -> InvalidEntries:
         """Return the locations of entries that validation removed from a document because they are invalid."""

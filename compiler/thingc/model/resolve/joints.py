@@ -43,44 +43,44 @@ NO_DYNAMICS = Dynamics()
 
 
 def _setting(scope: Scope, layers: DefaultLayers, key: str, coordinate: Dimension) -> LayeredValue:
-    """Return a setting of a joint.
+    """Return the value of the key `key` in the document or in its defaults.
 
-    A default value for rotations is not used for translations, and vice versa.
+    A default value with a unit of rotation is not used for a translation, and vice versa.
     """
-    said = layers.pick(key)
-    return LayeredValue() if said and not said.own and _of_others(scope, *said, key, coordinate) else said
+    setting = layers.pick(key)
+    return LayeredValue() if setting and not setting.own and _of_others(scope, *setting, key, coordinate) else setting
 
 
 def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimension) -> bool:
     """Return whether a value has a unit of rotation although the joint translates, or a unit of translation although the joint rotates."""
-    own, other = (TURN, SLIDE) if coordinate == ANGLE else (SLIDE, TURN)
+    dimensions, other_dimensions = (TURN, SLIDE) if coordinate == ANGLE else (SLIDE, TURN)
     value = scope.value(raw, path)
-    return isinstance(value, Quantity) and key in own and not value.fits(own[key]) and value.fits(other[key])
+    return isinstance(value, Quantity) and key in dimensions and not value.fits(dimensions[key]) and value.fits(other_dimensions[key])
 
 
 def values(
     scope: Scope, owner: str, coordinate: Dimension, section: str, layers: DefaultLayers, keys: Iterable[str],
 ) -> dict[str, Any]:
-    """Return the values of settings of `owner`, such as a joint, that must not be negative, such as `damping`.
+    """Return the values [SI] of settings that must not be negative, such as `damping`. `owner` is the name of the joint or tendon.
 
     Missing and invalid values are None. Invalid values are reported.
     """
-    of = dimensions_of(coordinate)
-    return {
-        key: scope.number(*_setting(scope, layers, key, coordinate), of[key], f"`{section}.{key}` of {owner}", least=0.0) for key in keys
-    }
+    dimensions = dimensions_of(coordinate)
+    settings = {key: _setting(scope, layers, key, coordinate) for key in keys}
+    return {key: scope.number(*value, dimensions[key], f"`{section}.{key}` of {owner}", least=0.0) for key, value in settings.items()}
 
 
 def _refuse(
-    item: Unrolled[JointSpec], key: str | Path, words: str, help: str, *, code: Code = Code.JOINT_FIELD, typed: bool = True,
+    item: Unrolled[JointSpec], key: str | Path, text: str, help: str, *, code: Code = Code.JOINT_FIELD, typed: bool = True,
 ) -> None:
-    """Report a key of a joint that the type of the joint does not allow. In the message, `words` follows the name of the joint.
+    """Report an error for a key that the type of a joint does not allow.
 
-    `key` is the key, or its path in the document. With `typed`, a note shows the location of the type.
+    `key` is the key, or its path in the document. In the message, `text` follows the name of the joint. With `typed`, a note shows the
+    location of the type.
     """
     scope, path = item.scope, (*item.path, key) if isinstance(key, str) else key
     notes = scope.second_note("the type of the joint is set here", (*item.path, "type"), path) if typed else ()
-    scope.error(code, f"joint `{item.name}` {words}", path, key=True, help=help, notes=notes)
+    scope.error(code, f"joint `{item.name}` {text}", path, key=True, help=help, notes=notes)
 
 
 def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: Places) -> bool:
@@ -92,20 +92,20 @@ def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: P
     the reference to the child of any joint could not be read.
     """
     defaults = table.spec.defaults.joint if table.spec.defaults is not None else None
-    below = ((defaults, ("defaults", "joint")),) if defaults is not None else ()
-    unsure = False
+    default_layers = ((defaults, ("defaults", "joint")),) if defaults is not None else ()
+    unknown_child = False
     for item in items:
         spec, scope, path = item.spec, item.scope, item.path
-        layers = DefaultLayers(((spec, path), *below))
-        doubtful = bool(table.doubts) and (table.doubts.touch(path) or table.doubts.touch(("defaults", "joint")))
+        layers = DefaultLayers(((spec, path), *default_layers))
+        is_incomplete = bool(table.doubts) and (table.doubts.touch(path) or table.doubts.touch(("defaults", "joint")))
         child = references.mount(table, scope, spec.child, (*path, "child"))
         parent = references.mount(table, scope, spec.parent, (*path, "parent"))
         kind = KINDS[spec.type]
         placed = None if spec.loop else child.path[0] if child is not None else _component_of(table, scope, spec.child)
-        if doubtful and table.doubts.touch((*path, "loop")):
-            placed, unsure = None, True
+        if is_incomplete and table.doubts.touch((*path, "loop")):
+            placed, unknown_child = None, True
         elif placed is None:
-            unsure = unsure or not spec.loop
+            unknown_child = unknown_child or not spec.loop
         else:
             places.setdefault(placed, []).append((f"joint `{item.name}`", scope.span(path, key=True)))
         coordinates: tuple[Joint, ...] = ()
@@ -113,14 +113,14 @@ def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: P
             coordinates = _coordinates(table, item, kind, parent, child, layers)
         else:
             table.loose.extend(end for end in (parent, child) if end is not None)
-        if coordinates and not doubtful:
+        if coordinates and not is_incomplete:
             table.joints.update((joint.name, joint) for joint in coordinates)
         else:
             table.joints[CoordinateName(item.name)] = None
             if placed is not None:
                 table.nodes[placed].unplaced = True
-    lost = bool(table.doubts) and (table.doubts.lacks("joints") or any(True for _ in table.doubts.names("joints")))
-    return unsure or lost or any(table.doubts.touch(("joints", name, "repeat")) for name in table.spec.joints)
+    joints_missing = bool(table.doubts) and (table.doubts.lacks("joints") or any(True for _ in table.doubts.names("joints")))
+    return unknown_child or joints_missing or any(table.doubts.touch(("joints", name, "repeat")) for name in table.spec.joints)
 
 
 def _component_of(table: DocumentScope, scope: Scope, text: str) -> str | None:
@@ -143,27 +143,27 @@ def _coordinates(
     elif item.spec.reverse:
         _refuse(item, "reverse", f"is {kind.name} and cannot have `reverse`", "remove `reverse`", typed=False)
     if item.spec.keep and (kind.moves or item.spec.loop):
-        why = f"is {kind.name}" if kind.moves else "closes a loop"
-        _refuse(item, "keep", f"{why} and cannot have `keep`: its sides are always separate links", "remove `keep`", typed=False)
+        reason = f"is {kind.name}" if kind.moves else "closes a loop"
+        _refuse(item, "keep", f"{reason} and cannot have `keep`: its sides are always separate links", "remove `keep`", typed=False)
     if kind.free:
         return _free(table, item, kind, (parent, child), layers)
     if kind.at_once:
         return _ball(table, item, kind, (parent, child), layers)
     for key in ("limit", "dynamics", "drive", "offset", "mimic"):
-        said = getattr(item.spec, key)
-        several = isinstance(said, (list, dict))
-        numbers = [] if not several else [int(one) for one in said] if isinstance(said, dict) else list(range(len(said)))
-        if said is None or key not in item.spec.model_fields_set or (several == (count > 1) and all(n < count for n in numbers)):
+        setting = getattr(item.spec, key)
+        is_list = isinstance(setting, (list, dict))
+        indices = [] if not is_list else [int(one) for one in setting] if isinstance(setting, dict) else list(range(len(setting)))
+        if setting is None or key not in item.spec.model_fields_set or (is_list == (count > 1) and all(n < count for n in indices)):
             continue
         if count > 1:
-            words = f"is {kind.name} and has {count} coordinates: `{key}` must be a list of {count} items"
+            text = f"is {kind.name} and has {count} coordinates: `{key}` must be a list of {count} items"
             help = "write, for example, `[" + ", ".join("..." for _ in range(count)) + "]`, or `{0: ...}` to set only some coordinates"
         else:
-            words, help = f"is {kind.name}: `{key}` must not be a list", "write the value without a list"
-        _refuse(item, key, words, help, code=Code.COORDINATES)
-    each: Sequence[tuple[int | None, Twist | None]] = [*enumerate(twists)] if count > 1 else [(None, next(iter(twists), None))]
-    own = (_resolve_joint(table, item, kind, twist, (parent, child), layers, number) for number, twist in each)
-    return tuple(replace(joint, axis=axis, reverse=item.spec.reverse) for joint in own)
+            text, help = f"is {kind.name}: `{key}` must not be a list", "write the value without a list"
+        _refuse(item, key, text, help, code=Code.COORDINATES)
+    numbered_twists: Sequence[tuple[int | None, Twist | None]] = [*enumerate(twists)] if count > 1 else [(None, next(iter(twists), None))]
+    resolved = (_resolve_joint(table, item, kind, twist, (parent, child), layers, number) for number, twist in numbered_twists)
+    return tuple(replace(joint, axis=axis, reverse=item.spec.reverse) for joint in resolved)
 
 
 def _free(
@@ -173,8 +173,8 @@ def _free(
     for key in ("limit", "dynamics", "drive", "offset", "loop"):
         if getattr(item.spec, key):
             _refuse(item, key, f"is free and cannot have `{key}`", f"remove `{key}`: a free joint does not constrain its child")
-    one = _resolve_joint(table, item, kind, None, mounts, layers, None)
-    return tuple(replace(one, name=CoordinateName(item.name).with_number(k), twist=twist) for k, twist in enumerate(kind.twists))
+    joint = _resolve_joint(table, item, kind, None, mounts, layers, None)
+    return tuple(replace(joint, name=CoordinateName(item.name).with_number(k), twist=twist) for k, twist in enumerate(kind.twists))
 
 
 def _ball(
@@ -188,35 +188,35 @@ def _ball(
     scope, spec, name = item.scope, item.spec, item.name
     for key in ("limit", "dynamics"):
         if isinstance(getattr(spec, key), (list, dict)):
-            words = f"is a ball: `{key}` must be a single value for all axes, not a list"
-            _refuse(item, key, words, "write the value without a list", code=Code.COORDINATES, typed=False)
+            text = f"is a ball: `{key}` must be a single value for all axes, not a list"
+            _refuse(item, key, text, "write the value without a list", code=Code.COORDINATES, typed=False)
     if spec.offset is not None:
         _refuse(item, "offset", "is a ball and cannot have an `offset`", "rotate a mount of the joint, or use `turn`", typed=False)
-    one = _resolve_joint(table, item, kind, None, mounts, layers, None)
-    made = replace(dynamics(scope, f"joint `{name}`", ANGLE, layers.sub("dynamics")), rest=None)
+    joint = _resolve_joint(table, item, kind, None, mounts, layers, None)
+    passive = replace(dynamics(scope, f"joint `{name}`", ANGLE, layers.sub("dynamics")), rest=None)
     if (rest := layers.sub("dynamics").pick("rest")).own:
         help = "rotate a mount of the joint instead: the spring rests at q = 0"
         _refuse(item, rest.path, "is a ball: its `dynamics` cannot have a `rest`", help, typed=False)
     limit, drives = _cone(item, layers.sub("limit")), _drives_of_ball(table, item)
     return tuple(
-        replace(one, name=CoordinateName(name).with_number(k), twist=twist, limit=limit, dynamics=made, drive=drives.get(k))
+        replace(joint, name=CoordinateName(name).with_number(k), twist=twist, limit=limit, dynamics=passive, drive=drives.get(k))
         for k, twist in enumerate(kind.twists)
     )
 
 
 def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int, Drive]:
     """Return the drives of a ball joint, keyed by the index of the coordinate. Invalid drives are reported and omitted."""
-    scope, written, path, name = item.scope, item.spec.drive, (*item.path, "drive"), item.name
-    if written is None:
+    scope, specs, path, name = item.scope, item.spec.drive, (*item.path, "drive"), item.name
+    if specs is None:
         return {}
-    if not isinstance(written, list) or len(written) > 3:
+    if not isinstance(specs, list) or len(specs) > 3:
         scope.error(
             Code.DRIVE, f"joint `{name}` is a ball: its `drive` must be a list of one to three drives, each with its own axis", path,
             key=True, help="write, for example, `[{axis: [1, 0, 0], kind: motor, effort: 2 N*m}]`",
         )
         return {}
     drives: dict[int, Drive] = {}
-    for number, spec in enumerate(written):
+    for number, spec in enumerate(specs):
         if not isinstance(spec, DriveSpec) or spec.axis is None:
             scope.error(
                 Code.DRIVE, f"drive {number} of ball joint `{name}` needs an `axis`" if isinstance(spec, DriveSpec)
@@ -228,22 +228,22 @@ def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int
                 ),
             )
             continue
-        place = (*path, number, "axis")
-        drive = drive_of(table, scope, f"joint `{name}[{number}]`", ANGLE, LayeredValue(spec, place[:-1]))
+        axis_path = (*path, number, "axis")
+        drive = drive_of(table, scope, f"joint `{name}[{number}]`", ANGLE, LayeredValue(spec, axis_path[:-1]))
         if spec.armature is not None:
             scope.error(
                 Code.DRIVE, f"drive {number} of ball joint `{name}` has an `armature`: a ball has one `armature` for all axes",
-                (*place[:-1], "armature"), key=True, help="set it under `dynamics` of the joint",
+                (*axis_path[:-1], "armature"), key=True, help="set it under `dynamics` of the joint",
             )
-        axis = _direction(scope, spec.axis, place, f"the axis of drive {number} of joint `{name}`", Code.DRIVE)
+        axis = _direction(scope, spec.axis, axis_path, f"the axis of drive {number} of joint `{name}`", Code.DRIVE)
         if axis is not None and drive is not None:
             drives[number] = replace(drive, axis=axis)
     return drives
 
 
-def _direction(scope: Scope, written: Sequence[Any], place: Path, what: str, code: Code) -> Vector | None:
-    """Evaluate an axis, and return it with length 1. If the axis is invalid or zero, report an error and return None."""
-    return scope.direction(written, place, what, code, f"{what} has length 0 and thus no direction", "[1, 0, 0]")
+def _direction(scope: Scope, axis: Sequence[Any], path: Path, subject: str, code: Code) -> Vector | None:
+    """Evaluate an axis and return it as a unit vector. If the axis is invalid or zero, report an error about `subject` and return None."""
+    return scope.direction(axis, path, subject, code, f"{subject} has length 0 and thus no direction", "[1, 0, 0]")
 
 
 def _resolve_joint(
@@ -255,26 +255,26 @@ def _resolve_joint(
     if number is not None:
         name = name.with_number(number)
         item = replace(item, name=name)
-    limit, made, drive, offset = NO_LIMIT, NO_DYNAMICS, None, None
+    limit, passive, drive, offset = NO_LIMIT, NO_DYNAMICS, None, None
     nodes = _nodes_of(table, layers, number)
     if kind.at_once:
         pass  # read the values of a ball joint once for all coordinates
     elif twist is None:
         for key in ("limit", "dynamics", "offset", "drive"):
             if key in spec.model_fields_set and getattr(spec, key) is not None:
-                words = f"is {spec.type} and does not move: it cannot have `{key}`"
+                text = f"is {spec.type} and does not move: it cannot have `{key}`"
                 code = Code.DRIVE if key == "drive" else Code.JOINT_FIELD
-                _refuse(item, key, words, "remove the key, or choose another `type`", code=code)
+                _refuse(item, key, text, "remove the key, or choose another `type`", code=code)
     else:
         limit = _limit(scope, item, kind, twist.coordinate, layers.sub("limit", number))
-        made = dynamics(scope, f"joint `{name}`", twist.coordinate, layers.sub("dynamics", number))
+        passive = dynamics(scope, f"joint `{name}`", twist.coordinate, layers.sub("dynamics", number))
         drive = drive_of(table, scope, f"joint `{name}`", twist.coordinate, layers.pick("drive", number))
         _no_axis(scope, name, kind, layers.pick("drive", number))
-        said = layers.pick("offset", number)
-        if not isinstance(said.value, (list, dict)):
-            offset = scope.number(*said, twist.coordinate, f"`offset` of joint `{name}`")
+        offset_setting = layers.pick("offset", number)
+        if not isinstance(offset_setting.value, (list, dict)):
+            offset = scope.number(*offset_setting, twist.coordinate, f"`offset` of joint `{name}`")
     return Joint(
-        name=name, kind=kind, twist=twist, parent=mounts[0], child=mounts[1], limit=limit, dynamics=made, offset=offset or 0.0,
+        name=name, kind=kind, twist=twist, parent=mounts[0], child=mounts[1], limit=limit, dynamics=passive, offset=offset or 0.0,
         turn=scope.number(*layers.pick("turn"), ANGLE, f"`turn` of joint `{name}`") or 0.0,
         gap=scope.number(*layers.pick("gap"), LENGTH, f"`gap` of joint `{name}`") or 0.0, drive=drive, mimic=None,
         origin=scope.origin(path, key=True), loop=spec.loop, keep=spec.keep, spans={key: node.span for key, node in nodes.items()},
@@ -296,21 +296,21 @@ def _nodes_of(table: DocumentScope, layers: DefaultLayers, number: int | None) -
 def _collect(node: Node | None, prefix: str, nodes: dict[str, Node], number: int | None) -> None:
     if isinstance(node, MappingNode):
         for key, child in node.entries.items():
-            own: Node | None = child
+            selected: Node | None = child
             if number is not None and isinstance(child, SequenceNode) and key != "axis":
-                own = child.items[number] if number < len(child.items) else None
-            elif number is not None and isinstance(child, MappingNode) and all(word.isdigit() for word in child.entries):
-                own = child.entries.get(str(number))
-            if own is not None:
-                nodes[prefix + key] = own
-                _collect(own, f"{prefix}{key}.", nodes, number)
+                selected = child.items[number] if number < len(child.items) else None
+            elif number is not None and isinstance(child, MappingNode) and all(index.isdigit() for index in child.entries):
+                selected = child.entries.get(str(number))
+            if selected is not None:
+                nodes[prefix + key] = selected
+                _collect(selected, f"{prefix}{key}.", nodes, number)
 
 
-def _no_axis(scope: Scope, name: str, kind: JointKind, said: LayeredValue) -> None:
+def _no_axis(scope: Scope, name: str, kind: JointKind, setting: LayeredValue) -> None:
     """Report an error for a drive with an axis if its joint is not a ball joint."""
-    if said.own and isinstance(said.value, DriveSpec) and said.value.axis is not None:
+    if setting.own and isinstance(setting.value, DriveSpec) and setting.value.axis is not None:
         scope.error(
-            Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: its drive cannot have an `axis`", (*said.path, "axis"), key=True,
+            Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: its drive cannot have an `axis`", (*setting.path, "axis"), key=True,
             help="remove `axis`: the drive acts along the coordinate of the joint",
         )
 
@@ -365,16 +365,16 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
         help = "only a `ball` has a cone; use `lower` and `upper`"
         _refuse(item, cone.path, f"is {kind.name} and cannot have a `limit.cone`", help, code=Code.LIMIT, typed=False)
     if not kind.may_stop:
-        own = {f"`limit.{key}`": said for key, said in ends.items() if said.own}
-        for first in [*own.values()][:1]:
-            words = f"is {kind.name} and cannot have {' or '.join(own)}"
-            _refuse(item, first.path, words, "use `type: revolute` for a joint with limits", code=Code.LIMIT)
+        unsupported = {f"`limit.{key}`": setting for key, setting in ends.items() if setting.own}
+        for first in [*unsupported.values()][:1]:
+            text = f"is {kind.name} and cannot have {' or '.join(unsupported)}"
+            _refuse(item, first.path, text, "use `type: revolute` for a joint with limits", code=Code.LIMIT)
     else:
         low, high = (
-            scope.number(*said, coordinate, f"`limit.{key}` of joint `{name}`", notes=[] if not said else scope.second_note(
-                f"the type of `{name}` is set here", (*path, "type"), said.path)) for key, said in ends.items()
+            scope.number(*setting, coordinate, f"`limit.{key}` of joint `{name}`", notes=[] if not setting else scope.second_note(
+                f"the type of `{name}` is set here", (*path, "type"), setting.path)) for key, setting in ends.items()
         )
-        missing = [f"`limit.{key}`" for key, said in ends.items() if not said]
+        missing = [f"`limit.{key}`" for key, setting in ends.items() if not setting]
         in_doubt = scope.doubts.touch(path) or scope.doubts.touch(("defaults", "joint"))
         if missing and kind.limits == "required" and item.spec.mimic is None and not in_doubt:
             example = "{lower: -90 deg, upper: 90 deg}" if coordinate == ANGLE else "{lower: 0, upper: 20 mm}"
@@ -386,7 +386,7 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
         if low is not None and high is not None and not low < high:
             fault = "are reversed" if low > high else "are equal"
             lower, upper = ends.values()
-            shown = [scope.format_value(Quantity(q, coordinate), said.path) for q, said in ((low, lower), (high, upper))]
+            shown = [scope.format_value(Quantity(q, coordinate), setting.path) for q, setting in ((low, lower), (high, upper))]
             scope.error(
                 Code.LIMIT, f"limits of joint `{name}` {fault}: expected lower < upper, "
                 f"found {(', and ' if any(',' in one for one in shown) else ' and ').join(shown)}",
@@ -398,11 +398,11 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
 
 
 def _cone(item: Unrolled[JointSpec], layers: DefaultLayers) -> Limit:
-    """Return the cone limit of a ball joint, which is its largest rotation angle [rad] from q = 0. Return None if there is no limit."""
-    for key, said in ((key, layers.pick(key)) for key in ("lower", "upper", "effort", "velocity")):
-        if said.own:
+    """Return the limit of a ball joint. Its `cone` is the largest rotation angle [rad] from q = 0, or None without a limit."""
+    for key, setting in ((key, layers.pick(key)) for key in ("lower", "upper", "effort", "velocity")):
+        if setting.own:
             help = "limit its angle by `cone`, and effort and velocity in its drives"
-            _refuse(item, said.path, f"is a ball and cannot have `limit.{key}`", help, code=Code.LIMIT, typed=False)
+            _refuse(item, setting.path, f"is a ball and cannot have `limit.{key}`", help, code=Code.LIMIT, typed=False)
             break
     return Limit(cone=item.scope.number(*layers.pick("cone"), ANGLE, f"`limit.cone` of joint `{item.name}`", above=0.0))
 
@@ -423,14 +423,14 @@ def dynamics(scope: Scope, owner: str, coordinate: Dimension, layers: DefaultLay
     )
 
 
-def drive_of(table: DocumentScope, scope: Scope, owner: str, coordinate: Dimension, said: LayeredValue) -> Drive | None:
+def drive_of(table: DocumentScope, scope: Scope, owner: str, coordinate: Dimension, setting: LayeredValue) -> Drive | None:
     """Resolve a drive of a joint or transmission `owner`. Return None without a drive, and for an invalid drive, which is reported.
 
-    `coordinate` is the physical dimension of the coordinate along which the drive acts. `said` contains the drive and its path.
+    `coordinate` is the physical dimension of the coordinate along which the drive acts. `setting` contains the drive and its path.
     """
-    if not said or isinstance(said.value, (list, dict)):
+    if not setting or isinstance(setting.value, (list, dict)):
         return None
-    spec, path = said
+    spec, path = setting
     key = "actuator" if path[0] == "transmissions" else "drive"
     if isinstance(spec, DriveSpec):
         if path[0] == "defaults" and any(
@@ -440,12 +440,12 @@ def drive_of(table: DocumentScope, scope: Scope, owner: str, coordinate: Dimensi
         reference = None if spec.component is None else _driving_part(table, scope, owner, spec.component, (*path, "component"))
         if spec.component is not None and reference is None:
             return None
-        given = drive_values(scope, owner, coordinate, key, spec, path)
-        if spec.kp is not None and given["kp"] is None:
-            given["kp"] = 1.0  # placeholder, so that no later pass reports the value as missing
-        return Drive(component=reference, kind=spec.kind, origin=scope.origin(path), **given)
-    known = spec in table.nodes or table.unbuilt or table.doubts.lacks("components") or table.doubts.touch(("components", spec))
-    if not known and (spec in DRIVE_KINDS or spec == "servo"):
+        fields = drive_values(scope, owner, coordinate, key, spec, path)
+        if spec.kp is not None and fields["kp"] is None:
+            fields["kp"] = 1.0  # placeholder, so that no later pass reports the value as missing
+        return Drive(component=reference, kind=spec.kind, origin=scope.origin(path), **fields)
+    is_component = spec in table.nodes or table.unbuilt or table.doubts.lacks("components") or table.doubts.touch(("components", spec))
+    if not is_component and (spec in DRIVE_KINDS or spec == "servo"):
         kind = spec if spec in DRIVE_KINDS else "position"
         gain = f", kp: {'20 N*m/rad' if coordinate == ANGLE else '200 N/m'}" if kind == "position" else ""
         scope.error(
@@ -460,18 +460,19 @@ def drive_of(table: DocumentScope, scope: Scope, owner: str, coordinate: Dimensi
 def drive_values(
     scope: Scope, owner: str, coordinate: Dimension, section: str, spec: DriveSpec, path: Path, keys: Iterable[str] = DRIVE_VALUES,
 ) -> dict[str, Any]:
-    """Return the values of a drive and their `spans`, by field of `Drive`.
+    """Return the values of a drive [SI] and their `spans`, keyed by the names of the fields of `Drive`.
 
     Missing and invalid values are None. Invalid values are reported.
     """
-    of, layers = dimensions_of(coordinate), DefaultLayers(((spec, path),))
-    command = coordinate if spec.kind == "position" else of["velocity" if spec.kind == "velocity" else "effort"]
-    said = {key: _setting(scope, layers, key, coordinate) for key in keys}
+    dimensions, layers = dimensions_of(coordinate), DefaultLayers(((spec, path),))
+    command = coordinate if spec.kind == "position" else dimensions["velocity" if spec.kind == "velocity" else "effort"]
+    settings = {key: _setting(scope, layers, key, coordinate) for key in keys}
     return {
         **{
-            key: scope.number(*one, of.get(key, command), f"`{section}.{key}` of {owner}", **DRIVE_VALUES[key]) for key, one in said.items()
+            key: scope.number(*raw, dimensions.get(key, command), f"`{section}.{key}` of {owner}", **DRIVE_VALUES[key])
+            for key, raw in settings.items()
         },
-        "spans": {key: scope.span(one.path) for key, one in said.items() if one},
+        "spans": {key: scope.span(setting.path) for key, setting in settings.items() if setting},
     }
 
 
@@ -485,9 +486,9 @@ def _driving_part(table: DocumentScope, scope: Scope, owner: str, text: str, pat
         return None
     reference, node = component
     if node.bare is not None or node.spec.assembly is not None:
-        what = f"a {node.bare}" if node.bare is not None else "an assembly"
+        kind = f"a {node.bare}" if node.bare is not None else "an assembly"
         scope.error(
-            Code.DRIVE, f"{owner} must be driven by a part with an actuator; `{reference.text}` is {what}", path,
+            Code.DRIVE, f"{owner} must be driven by a part with an actuator; `{reference.text}` is {kind}", path,
             help=f"use a part inside the assembly, for example `{reference.text}.servo`" if node.spec.assembly is not None
             else "use a component whose part has an actuator",
             notes=references.declaration_note(node),

@@ -37,18 +37,18 @@ def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Ho
 
     The result includes the holds of the modes that the mode extends. Invalid holds are reported and omitted.
     """
-    held: list[Hold] = []
-    for text, (said, path) in layers.entries("hold").items():
+    resolved: list[Hold] = []
+    for text, (spec, path) in layers.entries("hold").items():
         reference = references.root(table, scope, text, path, key=True)
         pose, turns = None, False
-        if isinstance(said, HoldSpec):
-            turns = said.carries == "force"
-            pose = scope.pose(said, path) if said.at is None else None
-            if said.at is None and pose is None:
+        if isinstance(spec, HoldSpec):
+            turns = spec.carries == "force"
+            pose = scope.pose(spec, path) if spec.at is None else None
+            if spec.at is None and pose is None:
                 continue
         if reference is not None:
-            held.append(Hold(mount=reference, pose=pose, origin=scope.origin(path, key=True), turns=turns))
-    return tuple(held)
+            resolved.append(Hold(mount=reference, pose=pose, origin=scope.origin(path, key=True), turns=turns))
+    return tuple(resolved)
 
 
 def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut, ...]:
@@ -62,25 +62,25 @@ def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut
     joints = dict(table.all_joints()) if patterns else {}
     chosen: dict[str, Path] = {}
     for index, pattern in enumerate(patterns or ()):
-        at = (*path, index)
+        entry_path = (*path, index)
         if pattern in patterns[:index]:
-            scope.error(Code.CUT, f"`{pattern}` is listed twice in `cut`", at, help="remove one of the two entries")
+            scope.error(Code.CUT, f"`{pattern}` is listed twice in `cut`", entry_path, help="remove one of the two entries")
             continue
-        fitting = [CoordinateName(pattern)] if pattern in joints else [name for name in joints if fnmatchcase(name.joint, pattern)]
-        known = [(name.joint, joint) for name in fitting if (joint := joints[name]) is not None]
-        cuttable = [name for name, joint in known if joint.twist is not None or joint.loop]
+        matches = [CoordinateName(pattern)] if pattern in joints else [name for name in joints if fnmatchcase(name.joint, pattern)]
+        resolved = [(name.joint, joint) for name in matches if (joint := joints[name]) is not None]
+        cuttable = [name for name, joint in resolved if joint.twist is not None or joint.loop]
         for name in cuttable:
-            chosen.setdefault(name, at)
+            chosen.setdefault(name, entry_path)
         moving = [name for name, joint in joints.items() if joint is not None and joint.twist is not None]
-        if cuttable or (fitting and not known):
+        if cuttable or (matches and not resolved):
             continue
-        if known:
+        if resolved:
             fixed = "is a fixed joint" if pattern in joints else "matches only fixed joints"
             message = f"`{pattern}` {fixed}; a loop can only be cut at a joint that moves"
-            scope.error(Code.CUT, message, at, help=suggest(pattern, moving, what="joints"))
-        elif not table.unsure_joints():
-            report_unmatched(scope, pattern, moving, at, "joint")
-    return tuple(Cut(joint=CoordinateName(name).path, origin=scope.origin(at)) for name, at in chosen.items())
+            scope.error(Code.CUT, message, entry_path, help=suggest(pattern, moving, what="joints"))
+        elif not table.may_lack_joints():
+            report_unmatched(scope, pattern, moving, entry_path, "joint")
+    return tuple(Cut(joint=CoordinateName(name).path, origin=scope.origin(entry_path)) for name, entry_path in chosen.items())
 
 
 def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers, base: BaseType) -> Standing | None:
@@ -90,8 +90,8 @@ def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayer
 
     Invalid mounts are reported.
     """
-    written, path = layers.pick("standing_on")
-    if not written:
+    setting, path = layers.pick("standing_on")
+    if not setting:
         return None
     if base != "free":
         scope.error(
@@ -99,9 +99,9 @@ def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayer
             help="write `base: free`, or remove `standing_on`",
         )
         return None
-    texts, friction = written, None
-    if isinstance(written, StandingSpec):
-        texts, friction = written.mounts, scope.number(written.friction, (*path, "friction"), NUMBER, "the friction", least=0.0)
+    texts, friction = setting, None
+    if isinstance(setting, StandingSpec):
+        texts, friction = setting.mounts, scope.number(setting.friction, (*path, "friction"), NUMBER, "the friction", least=0.0)
         path = (*path, "mounts")
     mounts: dict[tuple[tuple[str, ...], str | None], Reference] = {}
     for index, text in enumerate(texts):
@@ -119,14 +119,14 @@ def mounts_fitting(table: DocumentScope, scope: Scope, text: str, path: Path) ->
         reference = references.shown_mount(table, scope, text, path)
         return [reference] if reference is not None else []
     components, _, mount = text.rpartition(".")
-    fitting = [f"{name}.{mount}" for name, _ in references.matching(table, components)]
-    if not fitting and not table.unbuilt:
+    matches = [f"{name}.{mount}" for name, _ in references.matching(table, components)]
+    if not matches and not table.unbuilt:
         scope.error(
             Code.NO_MATCH, f"pattern `{text}` matches no mount", path,
             help=suggest(components, table.nodes, what="components") if components else "write, for example, `leg_*.sole`",
         )
-    shown = (references.shown_mount(table, scope, one, path) for one in fitting)
-    return [one for one in shown if one is not None]
+    resolved = (references.shown_mount(table, scope, match, path) for match in matches)
+    return [match for match in resolved if match is not None]
 
 
 ROOT = "root"
@@ -152,31 +152,31 @@ def modes(table: DocumentScope, scope: Scope) -> tuple[Mode, ...]:
             gravity=GRAVITY["floor"], pose=None, poses=tuple(table.poses), actuators=None, exclude=(), adhesion=(), simulation={},
             origin=origin, stated=False,
         ),)
-    circular = _circular(scope, spec.modes)
-    made: list[Mode] = []
+    in_cycle = _circular(scope, spec.modes)
+    resolved: list[Mode] = []
     for name in spec.modes:
-        layers = _layers(scope, spec.modes, name, circular)
+        layers = _layers(scope, spec.modes, name, in_cycle)
         mode = _mode(table, scope, name, layers)
         if mode is not None:
-            made.append(mode)
-    return tuple(made)
+            resolved.append(mode)
+    return tuple(resolved)
 
 
 def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
     """Return the names of modes that extend themselves directly or indirectly. Each cycle is reported once."""
-    circular: set[str] = set()
-    for circle in find_cycles(specs, lambda name: specs[name].extends if name in specs else None):
-        circular.update(circle)
-        several = len(circle) > 1
+    in_cycle: set[str] = set()
+    for cycle in find_cycles(specs, lambda name: specs[name].extends if name in specs else None):
+        in_cycle.update(cycle)
+        is_long = len(cycle) > 1
         scope.error(
             Code.EXTENDS_CYCLE,
-            f"modes extend each other in a cycle: {circle_words(circle)}" if several else f"mode `{circle[0]}` extends itself",
-            ("modes", circle[0], "extends"), help="remove `extends` from one of these modes" if several else "remove `extends`",
+            f"modes extend each other in a cycle: {circle_words(cycle)}" if is_long else f"mode `{cycle[0]}` extends itself",
+            ("modes", cycle[0], "extends"), help="remove `extends` from one of these modes" if is_long else "remove `extends`",
             notes=[
-                Note(message=f"`{step}` sets `extends` here", span=scope.span(("modes", step, "extends"))) for step in circle[1:MAX_CIRCLE]
+                Note(message=f"`{step}` sets `extends` here", span=scope.span(("modes", step, "extends"))) for step in cycle[1:MAX_CIRCLE]
             ],
         )
-    return circular
+    return in_cycle
 
 
 def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[str]) -> DefaultLayers | None:
@@ -195,10 +195,10 @@ def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[s
         if step not in specs:
             if scope.doubts.at(("modes", step)) or scope.doubts.lacks("modes"):
                 return None
-            last = items[-1][1]
+            path = items[-1][1]
             if len(items) == 1:
-                others = [one for one in specs if one != name]
-                scope.error(Code.UNKNOWN_MODE, f"there is no mode `{step}`", (*last, "extends"), help=suggest(step, others, what="modes"))
+                modes = [mode for mode in specs if mode != name]
+                scope.error(Code.UNKNOWN_MODE, f"there is no mode `{step}`", (*path, "extends"), help=suggest(step, modes, what="modes"))
             return None
         items.append((specs[step], ("modes", step)))
         step = specs[step].extends
@@ -215,11 +215,11 @@ def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers |
     poses = _poses(table, scope, layers)
     actuators = _actuators(table, scope, layers)
     stepped = layers.sub("simulation")
-    held, cut = holds(table, scope, layers), cuts(table, scope, layers)
-    cut += tuple(replace(own, joint=f"{path.replace('.', '/')}/{own.joint}") for path, _, one in table.all_modes() for own in one.cut)
-    stands = standing(table, scope, name, layers, kind)
+    mode_holds, cut = holds(table, scope, layers), cuts(table, scope, layers)
+    cut += tuple(replace(c, joint=f"{path.replace('.', '/')}/{c.joint}") for path, _, inner in table.all_modes() for c in inner.cut)
+    feet = standing(table, scope, name, layers, kind)
     if on_floor:
-        _check_holds_on_floor(scope, name, layers, held)
+        _check_holds_on_floor(scope, name, layers, mode_holds)
     root = layers.pick("root")
     if not root:
         if any(scope.doubts.touch(path) for _, path in layers.items):
@@ -234,27 +234,27 @@ def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers |
         return None
     return Mode(
         name=name, root=reference, base=kind, at=at, gravity=gravity, pose=pose,
-        poses=((pose,) if pose else ()) + tuple(one for one in poses if one != pose), actuators=actuators,
+        poses=((pose,) if pose else ()) + tuple(name for name in poses if name != pose), actuators=actuators,
         **_contacts(table, scope, name, layers.sub("contacts")), simulation=simulation(scope, stepped),
-        origin=scope.origin(("modes", name), key=True), holds=held, cut=cut, on_floor=on_floor, standing=stands,
+        origin=scope.origin(("modes", name), key=True), holds=mode_holds, cut=cut, on_floor=on_floor, standing=feet,
         step_origin=step_origin(scope, stepped), gravity_origin=gravity_origin,
-        worked_out=any(scope.works_out(path) for _, path in layers.items), at_in=_at_in(table, scope, layers, kind),
+        has_expressions=any(scope.has_expression(path) for _, path in layers.items), at_in=_at_in(table, scope, layers, kind),
     )
 
 
-def _contacts(table: DocumentScope, scope: Scope, name: str, said: DefaultLayers) -> dict[str, Any]:
+def _contacts(table: DocumentScope, scope: Scope, name: str, settings: DefaultLayers) -> dict[str, Any]:
     """Return the contact settings of a mode by field of `Mode`, with those of the modes of nested assemblies."""
-    exclude, adhesion = list(contacts.excluded_pairs(table, scope, said)), list(contacts.adhesions(table, scope, said))
-    pairs, groups = list(contacts.pairs(table, scope, said, exclude)), list(contacts.groups(table, scope, said))
-    for component, _, one in table.all_modes():
-        exclude += ((_below(component, a), _below(component, b)) for a, b in one.exclude)
-        adhesion += ((_below(component, mount), force) for mount, force in one.adhesion)
-        pairs += (replace(pair, one=_below(component, pair.one), other=_below(component, pair.other)) for pair in one.pairs)
+    exclude, adhesion = list(contacts.excluded_pairs(table, scope, settings)), list(contacts.adhesions(table, scope, settings))
+    pairs, groups = list(contacts.pairs(table, scope, settings, exclude)), list(contacts.groups(table, scope, settings))
+    for component, _, mode in table.all_modes():
+        exclude += ((_below(component, a), _below(component, b)) for a, b in mode.exclude)
+        adhesion += ((_below(component, mount), force) for mount, force in mode.adhesion)
+        pairs += (replace(pair, one=_below(component, pair.one), other=_below(component, pair.other)) for pair in mode.pairs)
         groups += (
             replace(
                 group, name=f"{component}.{group.name}", members=tuple(_below(component, member) for member in group.members),
                 collides=tuple(name if name == OTHERS else f"{component}.{name}" for name in group.collides),
-            ) for group in one.groups
+            ) for group in mode.groups
         )
     if len(groups) > contacts.MOST_GROUPS:
         message = f"mode `{name}` has {len(groups)} contact groups, but at most {contacts.MOST_GROUPS} are possible"
@@ -264,11 +264,11 @@ def _contacts(table: DocumentScope, scope: Scope, name: str, said: DefaultLayers
 
 def _at_in(table: DocumentScope, scope: Scope, layers: DefaultLayers, base: BaseType) -> dict[str, Pose]:
     """Return the pose of the root in the world by named pose of the robot, for poses with a different root placement than the mode."""
-    said, path = layers.pick("at_in")
+    specs, path = layers.pick("at_in")
     poses: dict[str, Pose] = {}
-    if said and base not in ("free", "held"):
+    if specs and base not in ("free", "held"):
         scope.error(Code.STANDING, f"the base is `{base}`, so its place in the world is the same in all poses", path, help="remove `at_in`")
-    for name, spec in (said or {}).items():
+    for name, spec in (specs or {}).items():
         place = (*path, name)
         pose = scope.pose(spec, place)
         if name not in table.poses:
@@ -287,18 +287,18 @@ def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
     if not at:
         return NO_POSE, False
     on, xyz = at.pick("on"), at.pick("xyz")
-    turn = next((layer for layer in at.items if layer[0].model_fields_set & {"rpy", "quat"}), None)
+    rotation_layer = next((layer for layer in at.items if layer[0].model_fields_set & {"rpy", "quat"}), None)
     translation = scope.vector(*xyz, LENGTH, "`xyz`") or NO_POSE.translation
-    rotation = scope.rotation(*turn) if turn is not None else None  # type: ignore[arg-type]
+    rotation = scope.rotation(*rotation_layer) if rotation_layer is not None else None  # type: ignore[arg-type]
     pose = Pose(rotation=rotation or IDENTITY, translation=translation)
     if not on:
         return pose, False
     x, y, z = pose.translation
     order = [path for _, path in at.items]
-    own, other = order.index(on.path[:-1]), order.index(xyz.path[:-1]) if xyz else len(order)
-    if z != 0.0 and other < own:
+    floor_layer, xyz_layer = order.index(on.path[:-1]), order.index(xyz.path[:-1]) if xyz else len(order)
+    if z != 0.0 and xyz_layer < floor_layer:
         return pose, False
-    if z != 0.0 and other == own:
+    if z != 0.0 and xyz_layer == floor_layer:
         scope.error(
             Code.HEIGHT, f"mode `{name}` sets the height of the robot twice: by `on: floor` and by a height of {Quantity(z, LENGTH)}",
             (*xyz.path, 2), help="set z to `0`, or remove `on: floor`",
@@ -306,10 +306,10 @@ def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
     return replace(pose, translation=(x, y, 0.0)), True
 
 
-def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, held: Sequence[Hold]) -> None:
+def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, mode_holds: Sequence[Hold]) -> None:
     """Report an error for a hold with a position in a mode with `on: floor`, because both would determine the height."""
     on = layers.sub("at").pick("on")
-    for hold in held:
+    for hold in mode_holds:
         if hold.pose is not None and on:
             mount = ".".join((*hold.mount.path, *((hold.mount.mount,) if hold.mount.mount else ())))
             scope.error(
@@ -325,10 +325,10 @@ def _gravity(scope: Scope, layers: DefaultLayers) -> tuple[Vector, Origin]:
 
     If gravity is a keyword or the default, the location is empty.
     """
-    said, path = layers.pick("gravity")
-    if isinstance(said, str):
-        return GRAVITY[cast("StandsOn", said)], ()
-    gravity = scope.vector(said, path, ACCELERATION, "`gravity`")
+    setting, path = layers.pick("gravity")
+    if isinstance(setting, str):
+        return GRAVITY[cast("StandsOn", setting)], ()
+    gravity = scope.vector(setting, path, ACCELERATION, "`gravity`")
     return (GRAVITY["floor"], ()) if gravity is None else (gravity, scope.origin(path))
 
 
@@ -369,7 +369,7 @@ def _actuators_of_nested(table: DocumentScope) -> tuple[str, ...] | None:
         return None
     paths = [name.path for name, joint in table.all_joints() if joint is not None and joint.drive is not None]
     paths += [name.path for name, _ in coupled_drives(table)]
-    return tuple(path for path in paths if all(path.removeprefix(top) in own for top, own in chosen.items() if path.startswith(top)))
+    return tuple(path for path in paths if all(path.removeprefix(top) in driven for top, driven in chosen.items() if path.startswith(top)))
 
 
 def _below(component: str, reference: Reference) -> Reference:
@@ -383,26 +383,26 @@ def driven_joints(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[s
     `patterns` contains pairs of a name or pattern and its path in the document.
     """
     joints = dict(table.all_joints())
-    known = [name for name, joint in joints.items() if joint is not None and joint.drive is not None]
+    driven = [name for name, joint in joints.items() if joint is not None and joint.drive is not None]
     coupled = [name for name, _ in coupled_drives(table)]
-    known += coupled
+    driven += coupled
     chosen: set[str] = set()
-    for pattern, at in patterns:
+    for pattern, entry_path in patterns:
         if pattern in joints:
             joint = joints[CoordinateName(pattern)]
             if joint is not None and joint.drive is None and not undriven_reported(table, joint):
                 scope.error(
-                    Code.DRIVE, f"joint `{pattern}` has no `drive`: it is not an actuator", at,
+                    Code.DRIVE, f"joint `{pattern}` has no `drive`: it is not an actuator", entry_path,
                     help=f"use the drives of its differential, such as `{coupled[0]}`" if joint.geared else "give the joint a `drive`",
                     notes=joint.definition_note(pattern),
                 )
             chosen.add(pattern)
             continue
-        fitting = [name for name in known if fnmatchcase(name, pattern) or fnmatchcase(name.joint, pattern)]
-        chosen.update(fitting)
-        if not fitting and not table.unsure_joints():
-            report_unmatched(scope, pattern, known, at, "joint", fits="driven joint")
-    return tuple(name.path for name in known if name in chosen)
+        matches = [name for name in driven if fnmatchcase(name, pattern) or fnmatchcase(name.joint, pattern)]
+        chosen.update(matches)
+        if not matches and not table.may_lack_joints():
+            report_unmatched(scope, pattern, driven, entry_path, "joint", fits="driven joint")
+    return tuple(name.path for name in driven if name in chosen)
 
 
 def simulation(scope: Scope, layers: DefaultLayers) -> dict[str, float | str]:
@@ -420,8 +420,8 @@ def step_origin(scope: Scope, layers: DefaultLayers) -> Origin:
 
     If the document does not specify `timestep`, return an empty origin.
     """
-    said = layers.pick("timestep")
-    return scope.origin(said.path) if said else ()
+    setting = layers.pick("timestep")
+    return scope.origin(setting.path) if setting else ()
 
 
 def place_in_modes(table: DocumentScope, placements: dict[str, Attach | At | None]) -> bool:
@@ -429,7 +429,7 @@ def place_in_modes(table: DocumentScope, placements: dict[str, Attach | At | Non
 
     Invalid modes are reported, and their components remain unplaced. Return whether a component has a `mode` without a pose.
     """
-    lost = False
+    missing_pose = False
     for node in table.nodes.values():
         at, scope, path = placements.get(node.name), node.scope, (*node.path, "mode")
         if node.spec.mode is None or node.table is None or node.unplaced:
@@ -439,7 +439,7 @@ def place_in_modes(table: DocumentScope, placements: dict[str, Attach | At | Non
                 Code.BROKEN_RULE, f"`{node.name}` has `mode` but no `at`, the pose at which the mode is placed", path, key=True,
                 help="write, for example, `at: {in: room.origin}`, with a component `room: {frame: true}`",
             )
-            lost = node.unplaced = True
+            missing_pose = node.unplaced = True
             continue
         placements[node.name] = None
         mode = _mode_of(node, node.table, node.spec.mode)
@@ -451,13 +451,13 @@ def place_in_modes(table: DocumentScope, placements: dict[str, Attach | At | Non
         child = Reference(path=(node.name, *root.path), mount=root.mount or references.ORIGIN, origin=origin)
         name = CoordinateName(f"{node.name}.{ROOT}")
         for number, twist in enumerate(kind.twists or (None,)):
-            own = name.with_number(number) if len(kind.twists) > 1 else name
-            table.joints[own] = Joint(
-                name=own, kind=kind, twist=twist, parent=at.to, child=child, limit=NO_LIMIT, dynamics=NO_DYNAMICS, turn=0.0, gap=0.0,
+            coordinate = name.with_number(number) if len(kind.twists) > 1 else name
+            table.joints[coordinate] = Joint(
+                name=coordinate, kind=kind, twist=twist, parent=at.to, child=child, limit=NO_LIMIT, dynamics=NO_DYNAMICS, turn=0.0, gap=0.0,
                 offset=0.0, drive=None, mimic=None, origin=at.origin, spans={}, keep=not kind.moves, base=True,
                 axis=IDENTITY[2] if root.mount is None else None, pose=at.pose @ mode.at,
             )
-    return lost
+    return missing_pose
 
 
 def _mode_of(node: ComponentScope, inner: DocumentScope, name: str) -> Mode | None:
@@ -476,10 +476,10 @@ def _mode_of(node: ComponentScope, inner: DocumentScope, name: str) -> Mode | No
     unsupported: Mapping[str, bool] = {
         "`base: held`": mode.base == "held", "`hold`": bool(mode.holds), "`at: {on: floor}`": mode.on_floor, "`at_in`": bool(mode.at_in),
     }
-    found = next((key for key, used in unsupported.items() if used), None)
-    if found is not None:
+    feature = next((key for key, is_used in unsupported.items() if is_used), None)
+    if feature is not None:
         scope.error(
-            Code.REFERENCE, f"mode `{name}` of `{node.name}` has {found}, which a nested assembly does not support", path,
+            Code.REFERENCE, f"mode `{name}` of `{node.name}` has {feature}, which a nested assembly does not support", path,
             help="use a mode with another base, and set its height in `at` of the component",
         )
-    return mode if found is None else None
+    return mode if feature is None else None

@@ -86,7 +86,7 @@ def _of_file(table: DocumentScope, rows: Sequence[Row], name: str, where: Span) 
     Raises `_WrongCell`.
     """
     joints = dict(table.all_joints())
-    if table.unsure_joints() or None in joints.values():
+    if table.may_lack_joints() or None in joints.values():
         return None
     columns = _columns({name: joint for name, joint in joints.items() if joint is not None}, rows[0])
     values: list[list[float]] = [[] for _ in columns]

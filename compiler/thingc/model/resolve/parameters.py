@@ -32,35 +32,35 @@ def declared_parameters(context: ResolveRun, document: Document, spec: AssemblyS
 
     Errors are reported. The result is cached for one run.
     """
-    known = context.declared.get(document.relative)
-    if known is None:
-        values, broken = worked_out(document, spec, {}, context.report, context.doubts(document))
-        outside = check_bounds(context.scope(document, values, frozenset(broken)), spec, values)
-        known = DeclaredParameters(values=values, broken=frozenset(broken | outside))
-        context.declared[document.relative] = known
-    return known
+    declared = context.declared.get(document.relative)
+    if declared is None:
+        values, broken = evaluate_parameters(document, spec, {}, context.report, context.doubts(document))
+        out_of_bounds = check_bounds(context.scope(document, values, frozenset(broken)), spec, values)
+        declared = DeclaredParameters(values=values, broken=frozenset(broken | out_of_bounds))
+        context.declared[document.relative] = declared
+    return declared
 
 
-def worked_out(
-    document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue | Expression], report: Report, doubts: InvalidEntries,
+def evaluate_parameters(
+    document: Document, spec: AssemblySpec, overrides: Mapping[str, ExpressionValue | Expression], report: Report, doubts: InvalidEntries,
 ) -> tuple[dict[str, ExpressionValue], set[str]]:
     """Evaluate all parameters of a document. Return their values, and the names of invalid parameters.
 
-    The values in `given` override values in the document. Expressions can refer to other parameters in any order. A cycle of expressions is
-    reported with the location of each step.
+    The values in `overrides` replace values in the document. Expressions can refer to other parameters in any order. A cycle of expressions
+    is reported with the location of each step.
     """
     values: dict[str, ExpressionValue] = {}
-    broken: set[str] = {name for name in spec.parameters if name not in given and doubts.touch(("parameters", name))}
+    broken: set[str] = {name for name in spec.parameters if name not in overrides and doubts.touch(("parameters", name))}
 
     def own(name: str) -> tuple[Any, Path]:
         entry = spec.parameters[name]
-        if name in given:
-            return given[name], ("parameters", name)
+        if name in overrides:
+            return overrides[name], ("parameters", name)
         if isinstance(entry, ParameterSpec):
             return entry.value, ("parameters", name, "value")
         return entry, ("parameters", name)
 
-    def work_out(name: str) -> None:
+    def evaluate(name: str) -> None:
         raw, path = own(name)
         names: Mapping[str, ExpressionValue] = values  # every parameter that the expression uses has been computed or is invalid
         if isinstance(raw, Expression) and any(use.name not in spec.parameters for use in raw.names):
@@ -86,7 +86,7 @@ def worked_out(
             else:
                 del open_[name]
                 if name not in values and name not in broken:
-                    work_out(name)
+                    evaluate(name)
     return {name: values[name] for name in spec.parameters if name in values}, broken
 
 
@@ -98,15 +98,15 @@ def _used_names(raw: Any, spec: AssemblySpec) -> Iterator[str]:
 def _report_cycle(document: Document, spec: AssemblySpec, chain: list[str], places: Mapping[str, Path], report: Report) -> None:
     order = {name: number for number, name in enumerate(spec.parameters)}
     start = chain.index(min(chain, key=order.__getitem__))
-    turned = chain[start:] + chain[:start]
-    shown = circle_words(turned)
-    several = len(chain) > 1
-    message = f"parameters depend on each other in a cycle: {shown}" if several else f"parameter `{chain[0]}` depends on itself"
+    ordered = chain[start:] + chain[:start]
+    cycle = circle_words(ordered)
+    is_long = len(chain) > 1
+    message = f"parameters depend on each other in a cycle: {cycle}" if is_long else f"parameter `{chain[0]}` depends on itself"
     report.add(
-        Code.PARAMETER_CYCLE, message, document.span(places[turned[0]]), path=f"parameters.{turned[0]}",
-        help="give one of these parameters a value that does not depend on the others" if several
+        Code.PARAMETER_CYCLE, message, document.span(places[ordered[0]]), path=f"parameters.{ordered[0]}",
+        help="give one of these parameters a value that does not depend on the others" if is_long
         else "give the parameter a value that does not depend on itself",
-        notes=[Note(message=f"`{step}` is set here", span=document.span(places[step])) for step in turned[1:MAX_CIRCLE]],
+        notes=[Note(message=f"`{step}` is set here", span=document.span(places[step])) for step in ordered[1:MAX_CIRCLE]],
     )
 
 
@@ -118,39 +118,38 @@ def canonical(values: Mapping[str, ExpressionValue]) -> tuple[tuple[str, Value],
     return tuple((name, plain(values[name])) for name in sorted(values))
 
 
-def fitting(
-    context: ResolveRun, document: Document, spec: AssemblySpec, given: Mapping[str, ExpressionValue], what: str, complain: Complain,
+def check_values(
+    context: ResolveRun, document: Document, spec: AssemblySpec, requested: Mapping[str, ExpressionValue], owner: str, complain: Complain,
     names: Collection[str] = (),
 ) -> dict[str, ExpressionValue]:
-    """Check the values that a user or a parent assembly sets for parameters of a document.
+    """Return the valid values of those that a user or a parent assembly sets for parameters of a document. Report the invalid values.
 
-    Return the valid values in `given`: the parameter must exist, the physical dimension must match, and the value must be within bounds.
-
-    `names` contains the names that expressions in the values can use.
+    A value in `requested` is valid if its parameter exists, its physical dimension matches, and it is within bounds. `owner` is the name of
+    the assembly in messages. `names` contains the names that expressions in the values can use.
     """
     table = declared_parameters(context, document, spec)
     scope = context.scope(document, table.values, table.broken)
-    sound: dict[str, ExpressionValue] = {}
-    for name, value in given.items():
+    valid: dict[str, ExpressionValue] = {}
+    for name, value in requested.items():
         if name not in spec.parameters:
             if context.doubts(document).lacks("parameters"):
                 continue
             complain(
-                name, Code.UNKNOWN_PARAMETER, f"{what} has no parameter `{name}`",
+                name, Code.UNKNOWN_PARAMETER, f"{owner} has no parameter `{name}`",
                 help=did_you_mean(name, spec.parameters, what="parameters"),
-                notes=[Note(message=f"{what} is defined here", span=document.span(("name",)))],
+                notes=[Note(message=f"{owner} is defined here", span=document.span(("name",)))],
             )
             continue
-        own = table.values.get(name)
-        if own is None:
+        declared = table.values.get(name)
+        if declared is None:
             continue
         note = [Note(message=f"`{name}` is declared here", span=document.span(("parameters", name), key=True))]
-        if not _same_kind(own, value, scope, spec, name):
-            _complain_kind(name, own, value, what, complain, note, names)
+        if not _same_kind(declared, value, scope, spec, name):
+            _report_wrong_type(name, declared, value, owner, complain, note, names)
             continue
         if _check_bounds(scope, spec, name, value, complain):
-            sound[name] = value
-    return sound
+            valid[name] = value
+    return valid
 
 
 class AssemblyParameters:
@@ -175,40 +174,38 @@ class AssemblyParameters:
         replace some of these strings.
         """
         root, context = self._context.documents.root, replace(self._context, report=Report(), quantities=quantities)
-        sound = from_command_line(context, root, self._spec, texts)
-        values, _ = worked_out(root, self._spec, sound, Report(), context.doubts(root))
-        return {name: value for name, value in values.items() if name in sound or name not in texts}
+        valid = from_command_line(context, root, self._spec, texts)
+        values, _ = evaluate_parameters(root, self._spec, valid, Report(), context.doubts(root))
+        return {name: value for name, value in values.items() if name in valid or name not in texts}
 
-    def fitting(self, name: str, value: ExpressionValue, complain: Complain) -> ExpressionValue | None:
-        """Check a new value for the parameter `name`, and return the value.
-
-        Return None if the new value, or the value in the document, is invalid.
+    def check_value(self, name: str, value: ExpressionValue, complain: Complain) -> ExpressionValue | None:
+        """Return a new value for the parameter `name`, or None if the new value or the value in the document is invalid.
 
         The callback `complain` reports an invalid value.
         """
-        return fitting(self._context, self._context.documents.root, self._spec, {name: value}, f"`{self.name}`", complain).get(name)
+        return check_values(self._context, self._context.documents.root, self._spec, {name: value}, f"`{self.name}`", complain).get(name)
 
 
-def _same_kind(own: ExpressionValue, value: ExpressionValue, scope: Scope, spec: AssemblySpec, name: str) -> bool:
-    if not isinstance(own, Quantity) or not isinstance(value, Quantity):
-        return type(own) is type(value)
-    if own.value == 0.0 and own.dimension == NUMBER:
+def _same_kind(declared: ExpressionValue, value: ExpressionValue, scope: Scope, spec: AssemblySpec, name: str) -> bool:
+    if not isinstance(declared, Quantity) or not isinstance(value, Quantity):
+        return type(declared) is type(value)
+    if declared.value == 0.0 and declared.dimension == NUMBER:
         return any(value.fits(bound.dimension) for bound in _bounds(scope, spec, name).values()) or value.dimension == NUMBER
-    return value.fits(own.dimension)
+    return value.fits(declared.dimension)
 
 
-def _complain_kind(
-    name: str, own: ExpressionValue, value: ExpressionValue, what: str, complain: Complain, notes: list[Note], names: Collection[str],
+def _report_wrong_type(
+    name: str, declared: ExpressionValue, value: ExpressionValue, owner: str, complain: Complain, notes: list[Note], names: Collection[str],
 ) -> None:
-    label = f"parameter `{name}` of {what}"
-    if isinstance(own, Quantity):
-        message, help = dimension_message(value, (own.dimension,), label, None, names)
-        if own.dimension == NUMBER and own.value == 0.0 and isinstance(value, Quantity):
+    label = f"parameter `{name}` of {owner}"
+    if isinstance(declared, Quantity):
+        message, help = dimension_message(value, (declared.dimension,), label, None, names)
+        if declared.dimension == NUMBER and declared.value == 0.0 and isinstance(value, Quantity):
             help = f"add a unit to the default 0 of the parameter: `0 {value.dimension.example.partition(' ')[2]}`"
         complain(name, Code.DIMENSION, message, help=help, notes=notes)
     else:
-        wanted = "`true` or `false`" if isinstance(own, bool) else "a string"
-        complain(name, Code.VALUE_KIND, f"{label} must be {wanted}, found {kind_of(value)} (`{shorten(words_of(value))}`)", notes=notes)
+        expected = "`true` or `false`" if isinstance(declared, bool) else "a string"
+        complain(name, Code.VALUE_KIND, f"{label} must be {expected}, found {kind_of(value)} (`{shorten(words_of(value))}`)", notes=notes)
 
 
 def _bounds(scope: Scope, spec: AssemblySpec, name: str) -> dict[str, Quantity]:
@@ -228,7 +225,7 @@ def _check_bounds(scope: Scope, spec: AssemblySpec, name: str, value: Expression
     if not isinstance(value, Quantity):
         return True
     for key, bound in _bounds(scope, spec, name).items():
-        if bound.fits(value.dimension) and _beyond(key, value, bound):
+        if bound.fits(value.dimension) and _violates(key, value, bound):
             rule = "at least" if key == "min" else "at most"
             complain(
                 name, Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule} {bound}, found `{value}`",
@@ -238,7 +235,7 @@ def _check_bounds(scope: Scope, spec: AssemblySpec, name: str, value: Expression
     return True
 
 
-def _beyond(key: str, value: Quantity, bound: Quantity) -> bool:
+def _violates(key: str, value: Quantity, bound: Quantity) -> bool:
     return value.value < bound.value if key == "min" else value.value > bound.value
 
 
@@ -247,42 +244,42 @@ def check_bounds(scope: Scope, spec: AssemblySpec, names: Iterable[str]) -> set[
 
     Return the names of the parameters whose values are out of bounds. An expression that refers to such a parameter is not checked.
     """
-    outside: set[str] = set()
+    out_of_bounds: set[str] = set()
     for name in names:
         entry = spec.parameters[name]
         if isinstance(entry, ParameterSpec) and (entry.min is not None or entry.max is not None):
-            before = len(scope.report.diagnostics)
-            _own_within(scope, name, entry, _bounds(scope, spec, name), scope.names[name])
-            if len(scope.report.diagnostics) > before:
-                outside.add(name)
-    return outside
+            count = len(scope.report.diagnostics)
+            _check_own_bounds(scope, name, entry, _bounds(scope, spec, name), scope.names[name])
+            if len(scope.report.diagnostics) > count:
+                out_of_bounds.add(name)
+    return out_of_bounds
 
 
-def _own_within(scope: Scope, name: str, entry: ParameterSpec, bounds: dict[str, Quantity], value: ExpressionValue) -> None:
+def _check_own_bounds(scope: Scope, name: str, entry: ParameterSpec, bounds: dict[str, Quantity], value: ExpressionValue) -> None:
     path: Path = ("parameters", name)
-    at, own, first = (*path, "value"), list(bounds.values()), "min" if entry.min is not None else "max"
-    if own and (isinstance(value, str) or (isinstance(value, Quantity) and len(own) == 2)) and not any(
-        isinstance(value, Quantity) and (bound.fits(value.dimension) or value.fits(bound.dimension)) for bound in own
-    ) and own[0].fits(own[-1].dimension):
-        message, help = dimension_message(value, (own[0].dimension,), f"the value of parameter `{name}`", scope.source_text(at))
-        note = Note(message="because its bound is", span=scope.span((*path, first)))
-        scope.error(Code.DIMENSION, message, at, help=help, notes=[note])
+    value_path, values, first_key = (*path, "value"), list(bounds.values()), "min" if entry.min is not None else "max"
+    if values and (isinstance(value, str) or (isinstance(value, Quantity) and len(values) == 2)) and not any(
+        isinstance(value, Quantity) and (bound.fits(value.dimension) or value.fits(bound.dimension)) for bound in values
+    ) and values[0].fits(values[-1].dimension):
+        message, help = dimension_message(value, (values[0].dimension,), f"the value of parameter `{name}`", scope.source_text(value_path))
+        note = Note(message="because its bound is", span=scope.span((*path, first_key)))
+        scope.error(Code.DIMENSION, message, value_path, help=help, notes=[note])
         return
     if not isinstance(value, Quantity):
         scope.error(
-            Code.VALUE_KIND, f"`{first}` can only bound a number; `{name}` is {kind_of(value)}", (*path, first),
-            help=f"remove `{first}`", key=True, notes=scope.second_note(f"`{name}` is set here", at, (*path, first)),
+            Code.VALUE_KIND, f"`{first_key}` can only bound a number; `{name}` is {kind_of(value)}", (*path, first_key),
+            help=f"remove `{first_key}`", key=True, notes=scope.second_note(f"`{name}` is set here", value_path, (*path, first_key)),
         )
         return
     for key, raw in (("min", entry.min), ("max", entry.max)):
         bound = scope.value(raw, (*path, key)) if raw is not None else None
-        number = isinstance(bound, Quantity)
+        is_number = isinstance(bound, Quantity)
         if bound is None or (isinstance(bound, Quantity) and (bound.fits(value.dimension) or value.fits(bound.dimension))):
             continue
         bounds.pop(key, None)
-        code, what, place = Code.DIMENSION if number else Code.VALUE_KIND, f"`{key}` of parameter `{name}`", (*path, key)
-        message, help = dimension_message(bound, (value.dimension,), what, scope.source_text(place), scope.names if number else ())
-        scope.error(code, message, place, help=help, notes=scope.second_note(f"`{name}` is set here", at, place))
+        code, subject, place = Code.DIMENSION if is_number else Code.VALUE_KIND, f"`{key}` of parameter `{name}`", (*path, key)
+        message, help = dimension_message(bound, (value.dimension,), subject, scope.source_text(place), scope.names if is_number else ())
+        scope.error(code, message, place, help=help, notes=scope.second_note(f"`{name}` is set here", value_path, place))
     if len(bounds) == 2 and bounds["min"].value > bounds["max"].value:
         scope.error(
             Code.OUT_OF_RANGE, f"`min` of parameter `{name}` is above its `max`: {bounds['min']} > {bounds['max']}", (*path, "min"),
@@ -290,10 +287,10 @@ def _own_within(scope: Scope, name: str, entry: ParameterSpec, bounds: dict[str,
         )
         return
     for key, bound in bounds.items():
-        if _beyond(key, value, bound):
+        if _violates(key, value, bound):
             rule = "at least" if key == "min" else "at most"
             scope.error(
-                Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule} {bound}, found {scope.format_value(value, at)}", at,
+                Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule} {bound}, found {scope.format_value(value, value_path)}", value_path,
                 notes=[Note(message="the bound is set here", span=scope.span((*path, key)))],
             )
 
@@ -311,16 +308,16 @@ def from_command_line(
         del code  # all errors of -p have the same code, because the code determines the exit status
         report.add(Code.PARAMETER_OPTION, message, None, help=help, path=f"-p {name}", notes=notes)  # type: ignore[arg-type]
 
-    given, expressions = _as_written(context, document, spec, texts, complain)
-    sound: dict[str, ExpressionValue | Expression] = dict(fitting(context, document, spec, given, f"`{spec.name}`", complain))
+    values_given, expressions = _parse_options(context, document, spec, texts, complain)
+    valid: dict[str, ExpressionValue | Expression] = dict(check_values(context, document, spec, values_given, f"`{spec.name}`", complain))
     if not expressions:
-        return sound
+        return valid
     # Values depend on other options: evaluate all without reporting, then check the results.
     quiet = Report()
-    known = {name: e for name, e in expressions.items() if name in spec.parameters}
-    values, _ = worked_out(document, spec, {**sound, **known}, quiet, context.doubts(document))
+    known_expressions = {name: e for name, e in expressions.items() if name in spec.parameters}
+    values, _ = evaluate_parameters(document, spec, {**valid, **known_expressions}, quiet, context.doubts(document))
     for name, expression in expressions.items():
-        if name in known and name not in values:
+        if name in known_expressions and name not in values:
             fault = quiet.diagnostics[0] if quiet.diagnostics else None
             if fault is None and context.doubts(document):
                 continue
@@ -329,16 +326,16 @@ def from_command_line(
                 help=fault.help if fault else None,
             )
             continue
-        sound.update(fitting(context, document, spec, {name: values.get(name, False)}, f"`{spec.name}`", complain))
-    return sound
+        valid.update(check_values(context, document, spec, {name: values.get(name, False)}, f"`{spec.name}`", complain))
+    return valid
 
 
-def _as_written(
+def _parse_options(
     context: ResolveRun, document: Document, spec: AssemblySpec, texts: Mapping[str, str], complain: Complain,
 ) -> tuple[dict[str, ExpressionValue], dict[str, Expression]]:
     """Parse the values of parameters from the command line, which can be expressions. Invalid values are reported."""
     table = declared_parameters(context, document, spec)
-    given: dict[str, ExpressionValue] = {}
+    values: dict[str, ExpressionValue] = {}
     expressions: dict[str, Expression] = {}
     for name, text in texts.items():
         if (bad := find_forbidden(text)) is not None:
@@ -361,23 +358,23 @@ def _as_written(
                 continue
             expressions[name] = value
         else:
-            given[name] = value
-    return given, expressions
+            values[name] = value
+    return values, expressions
 
 
-def _parse_parameter(text: str, own: ExpressionValue | None) -> ExpressionValue | Expression:
+def _parse_parameter(text: str, declared: ExpressionValue | None) -> ExpressionValue | Expression:
     """Parse a string of the command line in the same way as a value in a document.
 
-    `own` is the value of the parameter in the document. The new value must have the same type.
+    `declared` is the value of the parameter in the document, whose type the new value must have.
     """
     stripped = text.strip()
     if stripped.startswith("="):
         return parse_expression(stripped)
-    if isinstance(own, str):
+    if isinstance(declared, str):
         return text
     if stripped in ("true", "false"):
         return stripped == "true"
-    if isinstance(own, Quantity):
+    if isinstance(declared, Quantity):
         return parse_quantity(stripped)
     try:
         return parse_quantity(stripped)

@@ -103,7 +103,7 @@ def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
     """
     vague = {
         node.name for node in table.nodes.values()
-        if node.doubtful and any(table.doubts.touch((*node.path, key)) for key in ("attach", "at"))
+        if node.incomplete and any(table.doubts.touch((*node.path, key)) for key in ("attach", "at"))
     }
     free = [name for name in table.nodes if name not in places and name not in vague]
     swapped = _perhaps_swapped(table, free)

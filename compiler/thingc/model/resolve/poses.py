@@ -52,7 +52,7 @@ def poses(table: DocumentScope, scope: Scope) -> None:
             else:
                 _report_unknown(table, scope, joints, key, at)
         merged: Settings = {**layers[0], **layers[1], **layers[2]}
-        said_of_it = (said[0] == scope.document.relative and said[2][:2] == path for said in scope.said)
+        said_of_it = (said[0] == scope.document.relative and said[2][:2] == path for said in scope.reported)
         if scope.doubts.touch(path) or any(said_of_it):
             merged = {**_stand_ins(joints, scope.origin(path, key=True)), **merged}
         in_order = {one.path: merged[one.path] for one in joints if one.path in merged}
@@ -186,7 +186,7 @@ def _pattern(table: DocumentScope, scope: Scope, known: Joints, key: str, raw: A
     movable = [name for name in fitting if (joint := known[name]) is not None and joint.settable]
     if movable:
         _set(scope, known, movable, raw, path, into, exact=False)
-    elif any(known[name] is None for name in fitting) or table.unsure_joints():
+    elif any(known[name] is None for name in fitting) or table.may_lack_joints():
         return
     elif fitting:
         scope.error(
@@ -225,7 +225,7 @@ def _use(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, in
     assemblies = [(name, node) for name, node in matched if node.spec.assembly is not None]
     if not assemblies:
         nested = [name for name, node in table.all_nodes() if node.table is not None]
-        if table.unbuilt or any(node.doubtful for _, node in matched):
+        if table.unbuilt or any(node.incomplete for _, node in matched):
             return
         code, message, known, what = Code.NO_MATCH, f"pattern `{key}` matches no nested assembly", nested, "nested assemblies"
         if matched:

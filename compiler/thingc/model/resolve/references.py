@@ -81,15 +81,15 @@ def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[st
     if filled is None:
         return None
     parts = tuple(filled.split("."))
-    wrong = next((part for part in parts if not _NAME.fullmatch(part)), None)
-    if wrong is None:
+    invalid = next((part for part in parts if not _NAME.fullmatch(part)), None)
+    if invalid is None:
         return parts
-    message, help = f"`{wrong}` in `{filled}` is not a valid name", None
-    item = re.fullmatch(r"([A-Za-z]\w*)\[(\d+)\]", wrong, re.ASCII)
+    message, help = f"`{invalid}` in `{filled}` is not a valid name", None
+    item = re.fullmatch(r"([A-Za-z]\w*)\[(\d+)\]", invalid, re.ASCII)
     if item is not None:
-        meant = ".".join(f"{item.group(1)}_{item.group(2)}" if part == wrong else part for part in parts)
-        help = f"refer to an item of a list by its number: `{meant}`"
-    elif GLOB.search(wrong):
+        corrected = ".".join(f"{item.group(1)}_{item.group(2)}" if part == invalid else part for part in parts)
+        help = f"refer to an item of a list by its number: `{corrected}`"
+    elif GLOB.search(invalid):
         message, help = f"`{filled}` is a pattern, but a single name is required here", "write the name in full"
     scope.error(Code.REFERENCE, message, path, help=help, key=key)
     return None
@@ -126,8 +126,8 @@ def shown_mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, ke
             scope.error(Code.UNKNOWN_MOUNT, f"this document exports no mount `{text}`", path, help=f"did you mean `{close}`?", key=key)
             return None
         return mount(table, scope, text, path, key=key)
-    shown = table.exports[text]
-    return None if shown is None else Reference(path=shown.path, mount=shown.mount, origin=scope.origin(path, key=key))
+    exported = table.exports[text]
+    return None if exported is None else Reference(path=exported.path, mount=exported.mount, origin=scope.origin(path, key=key))
 
 
 def own_mount(node: ComponentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
@@ -170,8 +170,8 @@ def root(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool
         return None
     origin = scope.origin(path, key=key)
     if len(parts) == 1 and parts[0] in table.exports:
-        shown = table.exports[parts[0]]
-        return None if shown is None else Reference(path=shown.path, mount=shown.mount, origin=origin)
+        exported = table.exports[parts[0]]
+        return None if exported is None else Reference(path=exported.path, mount=exported.mount, origin=origin)
     if len(parts) == 1:
         if parts[0] not in table.nodes and (table.doubts.lacks("mounts") or _unbuilt(table.unbuilt, parts[0])):
             return None
@@ -209,15 +209,15 @@ def matching(table: DocumentScope, pattern: str) -> list[tuple[str, ComponentSco
     """
     steps = pattern.split(".")
     level: list[tuple[str, ComponentScope]] = []
-    inside: list[tuple[str, DocumentScope]] = [("", table)]
+    scopes: list[tuple[str, DocumentScope]] = [("", table)]
     for step in steps:
         level = []
-        for prefix, one in inside:
-            if step in one.nodes:
-                level.append((prefix + step, one.nodes[step]))
+        for prefix, inner in scopes:
+            if step in inner.nodes:
+                level.append((prefix + step, inner.nodes[step]))
             elif GLOB.search(step):
-                level.extend((prefix + name, node) for name, node in one.nodes.items() if fnmatchcase(name, step))
-        inside = [(f"{name}.", node.table) for name, node in level if node.table is not None]
+                level.extend((prefix + name, node) for name, node in inner.nodes.items() if fnmatchcase(name, step))
+        scopes = [(f"{name}.", node.table) for name, node in level if node.table is not None]
     return level
 
 
@@ -290,21 +290,21 @@ def _mount_below(table: DocumentScope, scope: Scope, parts: tuple[str, ...], pat
     return _mount_of(node, scope, parts[1:], parts, path, key)
 
 
-def _mount_of(node: ComponentScope, scope: Scope, rest: tuple[str, ...], parts: tuple[str, ...], path: Path, key: bool) -> bool:
-    while len(rest) > 1 and node.table is not None:
-        inner = node.table.nodes.get(rest[0])
+def _mount_of(node: ComponentScope, scope: Scope, remaining: tuple[str, ...], parts: tuple[str, ...], path: Path, key: bool) -> bool:
+    while len(remaining) > 1 and node.table is not None:
+        inner = node.table.nodes.get(remaining[0])
         if inner is None:
-            _report_component(node.table, node.table, scope, parts, len(parts) - len(rest), path, key)
+            _report_component(node.table, node.table, scope, parts, len(parts) - len(remaining), path, key)
             return False
-        node, rest = inner, rest[1:]
+        node, remaining = inner, remaining[1:]
     if node.unsound and node.table is None and not node.frame and node.definition is None:
         return True
-    if node.doubtful:
+    if node.incomplete:
         return True
-    if len(rest) > 1:
-        _report_leaf(node, scope, parts, len(parts) - len(rest), path, key)
+    if len(remaining) > 1:
+        _report_leaf(node, scope, parts, len(parts) - len(remaining), path, key)
         return False
-    name = rest[0]
+    name = remaining[0]
     if name == ORIGIN or name in node.mounts:
         return True
     if node.bare is not None:
@@ -314,11 +314,11 @@ def _mount_of(node: ComponentScope, scope: Scope, rest: tuple[str, ...], parts: 
         return True
     if name in node.table.exports:
         return node.table.exports[name] is not None
-    what = f"assembly `{node.name}` (`{node.table.document.relative}`)"
+    description = f"assembly `{node.name}` (`{node.table.document.relative}`)"
     if name in node.table.nodes:
         inner_exports = [f"{name}.{ORIGIN}"]
         scope.error(
-            Code.UNKNOWN_MOUNT, f"`{name}` is a component of {what}, not a mount", path,
+            Code.UNKNOWN_MOUNT, f"`{name}` is a component of {description}, not a mount", path,
             help=f"use a mount of the component, for example `{'.'.join(parts[:-1])}.{inner_exports[0]}`", key=key,
             notes=declaration_note(node.table.nodes[name]),
         )
@@ -330,7 +330,7 @@ def _mount_of(node: ComponentScope, scope: Scope, rest: tuple[str, ...], parts: 
     if nearest(name, names) is None:
         help = f"{help}, or export the mount under `mounts:` of the nested document"
     scope.error(
-        Code.UNKNOWN_MOUNT, f"{what} exports no mount `{name}`", path, help=help, key=key,
+        Code.UNKNOWN_MOUNT, f"{description} exports no mount `{name}`", path, help=help, key=key,
         notes=[*definition_note(node.table), *_repeat_notes(scope, path, key)],
     )
     return False
@@ -388,14 +388,14 @@ def _report_component(
     if _unbuilt(inner.unbuilt, name):
         return
     if inner is table and depth == 0:
-        what = "this document"
+        owner = "this document"
     else:
-        what = f"assembly `{parts[depth - 1]}` (`{inner.document.relative}`)"
+        owner = f"assembly `{parts[depth - 1]}` (`{inner.document.relative}`)"
     help: Hint
-    message = f"{what} has no component `{name}`"
+    message = f"{owner} has no component `{name}`"
     repeated = inner.spec.components.get(name)
     if name in inner.exports:
-        message = f"`{name}` is a mount that {what} exports and has no components"
+        message = f"`{name}` is a mount that {owner} exports and has no components"
         help = f"write `{'.'.join(parts[: depth + 1])}`" if depth else "start with a component"
         notes = [Note(message=f"`{name}` is exported here", span=inner.scope.span(("mounts", name), key=True))]
     elif repeated is not None and repeated.repeat is not None:
@@ -403,9 +403,9 @@ def _report_component(
         help = f"`{name}` is repeated: `{copies[0]}` to `{copies[-1]}`" if copies else f"`{name}` is repeated 0 times"
         notes = [Note(message=f"`{name}` is repeated here", span=inner.scope.span(("components", name, "repeat")))]
     else:
-        known = [*inner.nodes, *(prefix[:-1] for prefix in inner.unbuilt if prefix)]
-        help = suggest(name, known, what="components")
-        if nearest(name, islice(known, MAX_SUGGESTED)) is None and len(parts) == depth + 2:
+        candidates = [*inner.nodes, *(prefix[:-1] for prefix in inner.unbuilt if prefix)]
+        help = suggest(name, candidates, what="components")
+        if nearest(name, islice(candidates, MAX_SUGGESTED)) is None and len(parts) == depth + 2:
             having = [f"`{'.'.join((*parts[:depth], one.name, parts[-1]))}`" for one in inner.nodes.values() if _shows(one, parts[-1])]
             help = f"did you mean {' or '.join(having)}?" if 0 < len(having) <= 3 else help
         notes = [*([] if inner is table and depth == 0 else definition_note(inner)), *_repeat_notes(scope, path, key)]

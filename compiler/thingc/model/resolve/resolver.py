@@ -47,14 +47,14 @@ class Sources(FrozenStruct):
 
 
 def resolve(
-    sources: Sources, settings: Settings, report: Report, memo: Memo | None = None, of_any_text: Memo | None = None,
+    sources: Sources, settings: Settings, report: Report, memo: Memo | None = None, nested_memo: Memo | None = None,
 ) -> AssemblyDefinition | None:
     """Resolve the root document of `sources` with these settings.
 
     `sources` must also contain the documents and parts that the choices select.
 
     All errors are added to `report`. Elements that depend on invalid elements are omitted from the model. Return None if the root document
-    is invalid as a whole. The cache `memo` contains results that are valid for these documents. The cache `of_any_text` contains results of
+    is invalid as a whole. The cache `memo` contains results that are valid for these documents. The cache `nested_memo` contains results of
     nested documents that remain valid if only the root document changes.
     """
     from thingc.documents.spec.assembly import AssemblySpec
@@ -71,7 +71,7 @@ def resolve(
     context = ResolveRun(
         documents=sources.documents, specs=sources.specs, workspace=sources.workspace, schemas=sources.schemas, report=report,
         digest=sources.digest, quantities=settings.quantities, memo=memo or Memo(),
-        of_any_text=Memo() if of_any_text is None or settings != Settings() else of_any_text,
+        nested_memo=Memo() if nested_memo is None or settings != Settings() else nested_memo,
     )
     context.recall()
     context.nesting.append(root.relative)

@@ -39,9 +39,10 @@ class Scope(FrozenStruct):
     """Evaluates the values of a document, or of one item of a `repeat`.
 
     `names` contains the names that expressions can use. Errors are reported. `broken` contains names with invalid values, which have been
-    reported. An expression with such a name is invalid, but is not reported again. `index` contains the name of the repeat's index, and its
-    value in references (`$i`). `said` is shared by all scopes of a run. `said` prevents duplicate reports of an error for the items of a
-    repeat and for a document that is nested several times. `doubts` contains the locations of errors that validation has reported.
+    reported. An expression that contains one of these names is invalid, but is not reported again. `index` contains the name of the
+    repeat's index, and its value in references (`$i`). `reported` contains the errors that any scope of the run has reported, so that an
+    error is reported once for all items of a repeat and all uses of a document. `doubts` contains the locations of errors that validation
+    has reported.
     """
 
     document: Document
@@ -49,7 +50,7 @@ class Scope(FrozenStruct):
     names: Mapping[str, ExpressionValue]
     broken: Set[str] = NOTHING
     index: tuple[str, str] | None = None
-    said: set[tuple[str, Code, Path, bool]] = set()
+    reported: set[tuple[str, Code, Path, bool]] = set()
     doubts: InvalidEntries = NO_DOUBTS
 
     def repeat_scope(self, name: str, value: int) -> Scope:
@@ -71,7 +72,7 @@ class Scope(FrozenStruct):
         node = node_at(self.document.tree, path)
         return node.text if isinstance(node, ScalarNode) else None
 
-    def works_out(self, path: Path) -> bool:
+    def has_expression(self, path: Path) -> bool:
         """Return whether the value at `path` contains an expression."""
         node = node_at(self.document.tree, path)
         return node is not None and any(isinstance(inner, ScalarNode) and str(inner.value).startswith("=") for _, inner in walk(node))
@@ -86,17 +87,17 @@ class Scope(FrozenStruct):
         """
         if self.doubts.touch(path):
             return
-        known = (self.document.relative, code, path, key)
-        if known in self.said:
+        error = (self.document.relative, code, path, key)
+        if error in self.reported:
             return
-        if len(self.said) >= MAX_FAULTS:
+        if len(self.reported) >= MAX_FAULTS:
             raise TooManyErrors
-        self.said.add(known)
+        self.reported.add(error)
         self.report.add(code, message, span or self.document.span(path, key=key), help=help, notes=notes, path=format_path(path))
 
-    def second_note(self, message: str, path: Path, of: Path, *, key: bool = False) -> list[Note]:
-        """Return a note with `path` as a second location of an error at `of`. If both locations are on the same line, return no notes."""
-        second, first = self.document.span(path, key=key), self.document.span(of)
+    def second_note(self, message: str, path: Path, error_path: Path, *, key: bool = False) -> list[Note]:
+        """Return a note with `path` as a second location of an error at `error_path`. Return no notes if both are on the same line."""
+        second, first = self.document.span(path, key=key), self.document.span(error_path)
         return [] if second.line == first.line else [Note(message=message, span=second)]
 
     # --- values ---------------------------------------------------------------------------------------------------
@@ -141,22 +142,22 @@ class Scope(FrozenStruct):
         return replace(node.span, column=first, end_column=max(first + 1, first + end - offset))
 
     def number(
-        self, raw: Any, path: Path, dimension: Dimension | tuple[Dimension, ...], what: str, *,
+        self, raw: Any, path: Path, dimension: Dimension | tuple[Dimension, ...], subject: str, *,
         above: float | None = None, least: float | None = None, most: float | None = None, notes: Iterable[Note] = (),
     ) -> float | None:
         """Evaluate a number in a document, check its physical dimension and its bounds, and return it in SI units.
 
         If the value is invalid, report an error and return None. A missing number, which is None, stays None.
 
-        `what` is the name of the value in messages: "the mass", "`limit.lower` of joint `yaw`". `notes` explains why the value must have
+        `subject` is the name of the value in messages: "the mass", "`limit.lower` of joint `yaw`". `notes` explains why the value must have
         this physical dimension.
         """
         quantity = None if raw is None else self.value(raw, path)
         if quantity is None:
             return None
         dimensions = dimension if isinstance(dimension, tuple) else (dimension,)
-        if not isinstance(quantity, Quantity) or not any(quantity.fits(one) for one in dimensions):
-            self.wrong_dimension(quantity, dimensions, what, path, notes)
+        if not isinstance(quantity, Quantity) or not any(quantity.fits(expected) for expected in dimensions):
+            self.wrong_dimension(quantity, dimensions, subject, path, notes)
             return None
         value = quantity.value + 0.0
         rule = None
@@ -169,24 +170,24 @@ class Scope(FrozenStruct):
         elif most is not None and not value <= most:
             rule = f"at most {_format_bound(most, quantity.dimension)}"
         if rule is not None:
-            self.error(Code.OUT_OF_RANGE, f"{what} must be {rule}, found {self.format_value(quantity, path)}", path)
+            self.error(Code.OUT_OF_RANGE, f"{subject} must be {rule}, found {self.format_value(quantity, path)}", path)
             return None
         return value
 
-    def count(self, raw: Any, path: Path, what: str, *, least: int = 0) -> int | None:
+    def count(self, raw: Any, path: Path, subject: str, *, least: int = 0) -> int | None:
         """Evaluate an integer such as the count of a `repeat`, and check its lower bound.
 
         If the value is invalid, report an error and return None.
         """
-        value = self.number(raw, path, NUMBER, what, least=float(least))
+        value = self.number(raw, path, NUMBER, subject, least=float(least))
         if value is None:
             return None
         if value != int(value):
-            self.error(Code.VALUE_KIND, f"{what} must be a whole number, found {self.format_value(Quantity(value), path)}", path)
+            self.error(Code.VALUE_KIND, f"{subject} must be a whole number, found {self.format_value(Quantity(value), path)}", path)
             return None
         return int(value)
 
-    def vector(self, raw: Any, path: Path, dimension: Dimension, what: str) -> Vector | None:
+    def vector(self, raw: Any, path: Path, dimension: Dimension, subject: str) -> Vector | None:
         """Evaluate a vector of three values with the same physical dimension, and return it in SI units. A missing vector stays None.
 
         If a value is invalid, or a length is above `FARTHEST`, report an error and return None.
@@ -194,16 +195,16 @@ class Scope(FrozenStruct):
         if raw is None:
             return None
         least, most = (-FARTHEST, FARTHEST) if dimension == LENGTH else (None, None)
-        x, y, z = (self.number(part, (*path, index), dimension, what, least=least, most=most) for index, part in enumerate(raw))
+        x, y, z = (self.number(part, (*path, index), dimension, subject, least=least, most=most) for index, part in enumerate(raw))
         return None if x is None or y is None or z is None else (x, y, z)
 
-    def direction(self, raw: Any, path: Path, what: str, code: Code, zero: str, example: str) -> Vector | None:
+    def direction(self, raw: Any, path: Path, subject: str, code: Code, zero: str, example: str) -> Vector | None:
         """Evaluate a vector, such as an axis, and return it with length 1. A missing vector stays None.
 
         If the vector is invalid, report an error and return None. `code`, `zero` and `example` are the code and the message for a vector of
         length 0, and the vector in its help text.
         """
-        vector = self.vector(raw, path, NUMBER, what)
+        vector = self.vector(raw, path, NUMBER, subject)
         size = 0.0 if vector is None else numeric.hypot(*vector)
         if vector is None or size > 0.0:
             return None if vector is None else (vector[0] / size, vector[1] / size, vector[2] / size)
@@ -247,37 +248,37 @@ class Scope(FrozenStruct):
         return f"`{shorten(text)}`, which is {words_of(value)}" if text.startswith("=") else f"`{shorten(text)}`"
 
     def wrong_dimension(
-        self, value: ExpressionValue, expected: tuple[Dimension, ...], what: str, path: Path, notes: Iterable[Note] = (),
+        self, value: ExpressionValue, expected: tuple[Dimension, ...], subject: str, path: Path, notes: Iterable[Note] = (),
     ) -> None:
         """Report an error for a value with a wrong physical dimension.
 
         The message contains the expected physical dimension and the dimension of the value.
         """
-        message, help = dimension_message(value, expected, what, self.source_text(path), self.names)
+        message, help = dimension_message(value, expected, subject, self.source_text(path), self.names)
         self.error(Code.DIMENSION, message, path, help=help, notes=notes)
 
 
 def dimension_message(
-    value: ExpressionValue, expected: tuple[Dimension, ...], what: str, written: str | None, names: Collection[str] = (),
+    value: ExpressionValue, expected: tuple[Dimension, ...], subject: str, source: str | None, names: Collection[str] = (),
 ) -> tuple[str, Hint | None]:
     """Return the message and the help text for a value with a wrong physical dimension.
 
-    `names` contains the names that an expression can use.
+    `subject` is the name of the value in messages, `source` is its source text, and `names` contains the names that expressions can use.
     """
-    wanted = " or ".join(f"{dimension.words} (such as {dimension.example})" for dimension in expected)
-    text = shorten((written if written is not None else words_of(value)).strip())
+    requirement = " or ".join(f"{dimension.words} (such as {dimension.example})" for dimension in expected)
+    text = shorten((source if source is not None else words_of(value)).strip())
     help: Hint | None = expression_hint(value, names) if isinstance(value, str) else None
     if isinstance(value, str) and help is not None and text.startswith("="):
         help = f"`{shorten(value)}` is a string here; an expression begins with `=`: `={shorten(value)}`"
     if isinstance(value, Quantity) and value.dimension == NUMBER and not text.startswith("="):
         unit = suggested_units(expected[0], text)[0]
         help = f"write `{text} {unit}`" if unit else None
-    elif isinstance(value, Quantity) and text == (written or "").strip() and not set(names).isdisjoint(re.findall(r"\w+", text)):
+    elif isinstance(value, Quantity) and text == (source or "").strip() and not set(names).isdisjoint(re.findall(r"\w+", text)):
         help = next(filter(None, (_conversion_help(text, value.dimension, one) for one in expected)), None)
-    return f"{what} must be {wanted}, found {kind_of(value)} (`{text}`)", help
+    return f"{subject} must be {requirement}, found {kind_of(value)} (`{text}`)", help
 
 
-def _conversion_help(text: str, found: Dimension, wanted: Dimension) -> str | None:
+def _conversion_help(text: str, found: Dimension, expected: Dimension) -> str | None:
     """Return the help text for an expression that must be multiplied or divided by one unit to have the expected physical dimension.
 
     Examples are `=pinion / 1 rad`, `=count * 1 mm` and `=width / 1 mm`.
@@ -285,24 +286,24 @@ def _conversion_help(text: str, found: Dimension, wanted: Dimension) -> str | No
     body = text.removeprefix("=")
     term = f"({body})" if re.search(r"[-+<>=]", body) else body
     if found == NUMBER:
-        return f"write `={term} * 1 {wanted.example.partition(' ')[2]}`"
-    if wanted / found in (ANGLE, ANGLE**-1):
-        return f"write `={term} {'*' if wanted / found == ANGLE else '/'} 1 rad`"
-    return f"write `={term} / 1 {found.example.partition(' ')[2]}`" if wanted == NUMBER else None
+        return f"write `={term} * 1 {expected.example.partition(' ')[2]}`"
+    if expected / found in (ANGLE, ANGLE**-1):
+        return f"write `={term} {'*' if expected / found == ANGLE else '/'} 1 rad`"
+    return f"write `={term} / 1 {found.example.partition(' ')[2]}`" if expected == NUMBER else None
 
 
 def _format_bound(value: float, dimension: Dimension) -> str:
     return str(Quantity(value, dimension)) if value else "0"
 
 
-def find_item(written: list[Any] | dict[str, Any], number: int) -> tuple[Any, int | str] | None:
-    """Return the element `number` of a list, or of a mapping whose keys are indices. Also return the index or key of the element.
+def find_item(items: list[Any] | dict[str, Any], number: int) -> tuple[Any, int | str] | None:
+    """Return the element `number` of a list, or of a mapping whose keys are indices, and the index or key of this element.
 
     Return None if the element does not exist.
     """
-    if isinstance(written, dict):
-        return (written[str(number)], str(number)) if str(number) in written else None
-    return (written[number], number) if number < len(written) else None
+    if isinstance(items, dict):
+        return (items[str(number)], str(number)) if str(number) in items else None
+    return (items[number], number) if number < len(items) else None
 
 
 class LayeredValue(NamedTuple):
@@ -323,7 +324,7 @@ class LayeredValue(NamedTuple):
 class DefaultLayers(FrozenStruct, kw_only=False):
     """The settings of an element, followed by layers of default values. The most specific layer comes first.
 
-    For each layer, the path in the document is stored.
+    Each layer is a model and its path in the document.
     """
 
     items: tuple[tuple[BaseModel, Path], ...]
@@ -333,9 +334,7 @@ class DefaultLayers(FrozenStruct, kw_only=False):
         return next(self._written_values(key, number), LayeredValue())
 
     def sub(self, key: str, number: int | None = None) -> DefaultLayers:
-        """Return the layers of a setting that is a mapping, such as `limit`.
-
-        The keys of this mapping can then be picked from all layers.
+        """Return the layers of a setting that is a mapping, such as `limit`, for calls such as `layers.sub("limit").pick("lower")`.
         """
         return DefaultLayers(tuple((value, path) for value, path in self._written_values(key, number) if isinstance(value, BaseModel)))
 
@@ -349,8 +348,8 @@ class DefaultLayers(FrozenStruct, kw_only=False):
             value = getattr(model, key, None) if key in model.model_fields_set else None
             place: Path = (*path, key.rstrip("_"))
             if number is not None and isinstance(value, (list, dict)):
-                own = find_item(value, number)
-                value, place = (None, place) if own is None else (own[0], (*place, own[1]))
+                item = find_item(value, number)
+                value, place = (None, place) if item is None else (item[0], (*place, item[1]))
             if value is not None:
                 yield LayeredValue(value, place)
 

@@ -189,7 +189,7 @@ class _Reader:
             )
             return None
         if wanted not in joints:
-            if not table.unsure_joints():
+            if not table.may_lack_joints():
                 help = suggest(wanted, moving, what="joints")
                 if unnamed and moving:
                     help = f"{help}; set `joint: ...`"

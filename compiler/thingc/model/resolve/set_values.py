@@ -63,7 +63,7 @@ def substitute(context: ResolveRun, document: Document, spec: AssemblySpec, valu
             _parse_setting(path, text, place) if known is None else ScalarNode(value=cast("Any", known), text=text, span=place)
         )
         if isinstance(read, PathNotFound):
-            context.say_of_option(path, read.message, read.help)
+            context.report_option_error(path, read.message, read.help)
             wrong = True
         else:
             tree = _with_leaf(tree, keys, read)
@@ -76,7 +76,7 @@ def substitute(context: ResolveRun, document: Document, spec: AssemblySpec, valu
         if fault.code is Code.CHOICE_OPTION:
             context.report.say(fault)
         else:  # the document is valid, but a value causes an error at another location
-            context.say_of_option(closest(values, fault.path or ""), fault.message, fault.help)
+            context.report_option_error(closest(values, fault.path or ""), fault.message, fault.help)
     if not isinstance(sound, AssemblySpec):
         return document, spec
     return changed, sound.model_copy(update={"parameters": spec.parameters})  # parameters cannot be set by path

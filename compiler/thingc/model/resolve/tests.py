@@ -231,7 +231,7 @@ class Reader:
             named = [name for name in joints if text in (name, name.joint)]
             fitting = named or [name for name in movable if fnmatchcase(name, text)]
             chosen.update((name, (value, at)) for name in fitting)
-            if fitting or self.table.unsure_joints():
+            if fitting or self.table.may_lack_joints():
                 self.sound = self.sound and bool(fitting)
             else:
                 glob = GLOB.search(text)

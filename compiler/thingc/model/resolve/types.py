@@ -102,7 +102,7 @@ class StatedValue(OneLineRepr, FrozenStruct):
 
     The value is a mass [kg], a centre of mass [m], or an inertia ixx iyy izz ixy ixz iyz [kg m^2].
 
-    If `stand_in` is True, the value is a placeholder for an invalid value that has been reported.
+    If `stand_in` is True, the document specifies an invalid value, which has been reported, and `value` is a placeholder.
     """
 
     value: tuple[float, ...]
@@ -166,11 +166,11 @@ class BomEntry(OneLineRepr, FrozenStruct):
     prices: tuple[tuple[int, str], ...] = ()
     one: bool = False
 
-    def merge_over(self, below: BomEntry) -> BomEntry:
-        """Return this entry, with the values of the entry `below` for everything that this entry does not specify."""
-        priced = self if self.cost is not None or self.prices else below
-        texts = {name: first if (first := getattr(self, name)) is not None else getattr(below, name) for name in _BOM_TEXTS}
-        return BomEntry(**texts, cost=priced.cost, prices=priced.prices, one=self.one)
+    def merge_over(self, defaults: BomEntry) -> BomEntry:
+        """Return this entry, with missing values taken from `defaults`. `cost` and `prices` come from the same entry."""
+        price_source = self if self.cost is not None or self.prices else defaults
+        texts = {name: first if (first := getattr(self, name)) is not None else getattr(defaults, name) for name in _BOM_TEXTS}
+        return BomEntry(**texts, cost=price_source.cost, prices=price_source.prices, one=self.one)
 
     def price(self, quantity: int) -> str | None:
         """Return the price per piece for a quantity, or None if it is unknown."""
@@ -514,7 +514,7 @@ class ModeSettings(OneLineRepr, FrozenStruct):
 
 
 Member = TypeVar("Member")
-"""A component: a `Reference` before the pass `link`, and the index of an occurrence after this pass."""
+"""The type of a component in a contact: a `Reference` before the pass `link`, and the index of an occurrence after this pass."""
 
 
 class ContactPair(OneLineRepr, FrozenStruct, Generic[Member]):
@@ -547,8 +547,8 @@ class Mode(ModeSettings):
     """A mode, including the settings of the modes that it extends. If `root.mount` is None, the root is a component.
 
     `exclude` contains pairs of references to components that do not collide. `adhesion` maps mounts to adhesion forces [N]. `step_origin`
-    and `gravity_origin` are the locations of `timestep` and of numeric `gravity` in the mode, or empty. `worked_out` is True if the mode
-    contains expressions, so that its values depend on parameters.
+    and `gravity_origin` are the locations of `timestep` and of numeric `gravity` in the mode, or empty. `has_expressions` is True if the
+    mode contains expressions, so that its values depend on parameters.
     """
 
     root: Reference
@@ -560,7 +560,7 @@ class Mode(ModeSettings):
     standing: Standing | None = None
     step_origin: Origin = ()
     gravity_origin: Origin = ()
-    worked_out: bool = False
+    has_expressions: bool = False
 
 
 class RawAttribute(OneLineRepr, FrozenStruct):
@@ -609,8 +609,8 @@ class RawElement(OneLineRepr, FrozenStruct):
     @property
     def text(self) -> str:
         """The whole element as text on one line, for display."""
-        words = " ".join((self.tag, *(f"{name}={value}" for name, value in self.attributes.items())))
-        return words + "".join(f" ({child.text})" for child in self.children)
+        text = " ".join((self.tag, *(f"{name}={value}" for name, value in self.attributes.items())))
+        return text + "".join(f" ({child.text})" for child in self.children)
 
 
 class JointRange(OneLineRepr, FrozenStruct):

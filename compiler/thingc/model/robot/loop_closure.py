@@ -35,11 +35,11 @@ of a mode is always exported.
 STARTS = 8
 """Number of additional start states from which the solver tries to close the loops of a mode before it reports an error."""
 
-Taken = Collection[int]
+TreeMates = Collection[int]
 
 
 def closures_of(
-    assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], taken: Taken, report: Report, memo: Memo,
+    assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], tree_mates: TreeMates, report: Report, memo: Memo,
 ) -> tuple[Closure, ...] | None:
     """Return the loop closures of a mode: first its holds, then the joints that are not in its kinematic tree.
 
@@ -47,10 +47,10 @@ def closures_of(
 
     `memo` caches results.
     """
-    sound = _check_cuts(assembly, mode, taken, report)
-    cut = cut_closures(assembly, bodies, taken)
-    held: list[Closure] = []
-    where: dict[int, Pose] | None = None
+    sound = _check_cuts(assembly, mode, tree_mates, report)
+    cut = cut_closures(assembly, bodies, tree_mates)
+    holds: list[Closure] = []
+    start_poses: dict[int, Pose] | None = None
     placed = in_link(assembly)
     body_of = {body.link: index for index, body in enumerate(bodies)}
     for hold in mode.holds:
@@ -66,51 +66,51 @@ def closures_of(
             sound = False
             continue
         X_LM = placed[choice.occurrence] @ assembly.occurrences[choice.occurrence].mounts[choice.mount].pose
-        if hold.pose is None and where is None:
-            where = _at_own_pose(assembly, mode, bodies, memo)
-        held.append(Closure(
+        if hold.pose is None and start_poses is None:
+            start_poses = _start_body_poses(assembly, mode, bodies, memo)
+        holds.append(Closure(
             path=choice.path, hold=True, turns=hold.turns, parent=None, child=body_of[link],
-            X_PA=_target(hold, where, body_of[link], X_LM), X_CB=X_LM, joints=(), twists=(), origin=hold.origin,
+            X_PA=_target(hold, start_poses, body_of[link], X_LM), X_CB=X_LM, joints=(), twists=(), origin=hold.origin,
         ))
-    return (*held, *cut) if sound else None
+    return (*holds, *cut) if sound else None
 
 
-def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Report) -> bool:
+def _check_cuts(assembly: Assembly, mode: LinkedMode, tree_mates: TreeMates, report: Report) -> bool:
     """Return whether a loop is cut at every joint in the setting `cut` of the mode.
 
     A joint that is not on a loop, or whose loop is cut at another joint, is reported.
     """
     joints = {mate.name: number for number, mate in enumerate(assembly.mates) if mate.name is not None and mate.joints}
-    wrong = [one for one in mode.cut if joints.get(one.joint) in taken]
-    for one in wrong:
-        closed = closing(assembly, taken, joints[one.joint])
+    rejected = [one for one in mode.cut if joints.get(one.joint) in tree_mates]
+    for one in rejected:
+        closed = closing(assembly, tree_mates, joints[one.joint])
         fixed = next((mate for mate in closed if not mate.joints), None)
         notes: list[Note] = []
         help: Hint
         if fixed is not None:
-            why = f"whose loop is already cut at the fixed joint `{fixed.loop}`"
+            reason = f"whose loop is already cut at the fixed joint `{fixed.loop}`"
             help = "remove the joint from `cut`: a loop that a fixed joint closes is cut at the fixed joint"
             notes = [Note(message=f"`{fixed.loop}` is defined here", span=fixed.origin[0])]
         elif closed:
             other = next(cut for cut in mode.cut if cut.joint == closed[0].name)
-            why, help = f"whose loop is already cut at `{other.joint}`", "remove one of the two joints from `cut`: each loop is cut once"
+            reason, help = f"whose loop is already cut at `{other.joint}`", "remove one of the two joints from `cut`: each loop is cut once"
             notes = [Note(message=f"`{other.joint}` is cut here", span=other.origin[0])]
         else:
-            on_loops = [name for name, number in joints.items() if number not in taken or closing(assembly, taken, number)]
-            why = "which is not in a loop"
+            on_loops = [name for name, number in joints.items() if number not in tree_mates or closing(assembly, tree_mates, number)]
+            reason = "which is not in a loop"
             help = did_you_mean(one.joint, on_loops, what="joints in loops") if on_loops else "remove `cut`: the mode has no loops"
-        report.add(Code.CUT, f"mode `{mode.name}` cuts joint `{one.joint}`, {why}", one.origin, path=one.joint, help=help, notes=notes)
-    return not wrong
+        report.add(Code.CUT, f"mode `{mode.name}` cuts joint `{one.joint}`, {reason}", one.origin, path=one.joint, help=help, notes=notes)
+    return not rejected
 
 
-def _target(hold: LinkedHold, where: Mapping[int, Pose] | None, body: int, X_LM: Pose) -> Pose:
+def _target(hold: LinkedHold, start_poses: Mapping[int, Pose] | None, body: int, X_LM: Pose) -> Pose:
     """Return the pose in the world at which a hold fixes its mount: the current pose for `here`, otherwise the pose in the document."""
     if hold.pose is not None:
         return hold.pose if hold.mount.of_component else hold.pose @ MATE
-    return (where or {})[body] @ X_LM
+    return (start_poses or {})[body] @ X_LM
 
 
-def _at_own_pose(assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], memo: Memo) -> dict[int, Pose]:
+def _start_body_poses(assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], memo: Memo) -> dict[int, Pose]:
     """Close the loops of joints in the start pose of the mode (by default all joints at 0), and return the poses of all bodies."""
     pose = next((pose for pose in assembly.poses if pose.name == mode.pose), None)
     return dict(enumerate(placed_bodies(bodies, closed_coordinates(assembly, pose, memo), bodies[0].X_PL)))
@@ -139,11 +139,11 @@ def _doc_loops(assembly: Assembly, memo: Memo) -> Loops | None:
 
     The result is the same for every mode.
     """
-    taken = placing(assembly)
+    tree_mates = placing(assembly)
     if not any(mate.loop is not None for mate in assembly.mates):
         return None
-    bodies = bodies_from(assembly, assembly.link_of[assembly.base], taken, NO_POSE, memo)
-    return memo(("loops", None), Loops, bodies, cut_closures(assembly, bodies, taken), joints_of(assembly), NO_POSE)
+    bodies = bodies_from(assembly, assembly.link_of[assembly.base], tree_mates, NO_POSE, memo)
+    return memo(("loops", None), Loops, bodies, cut_closures(assembly, bodies, tree_mates), joints_of(assembly), NO_POSE)
 
 
 def keyframes_of(
@@ -160,15 +160,15 @@ def keyframes_of(
     joints = joints_of(assembly)
     by_name = {pose.name: pose for pose in assembly.poses}
     poses = [by_name[name] for name in mode.poses if name in by_name]
-    stands = {name: root_pose(assembly, replace(mode, at=at)) for name, at in mode.at_in.items()}
+    root_at = {name: root_pose(assembly, replace(mode, at=at)) for name, at in mode.at_in.items()}
     if not closures:
-        return tuple(Keyframe(name=p.name, q=coordinates(joints, p.values), origin=p.origin, base=stands.get(p.name)) for p in poses), ()
-    held = any(closure.hold for closure in closures)
-    of_mode = mode.name if held else None
-    loops = memo(("loops", of_mode), Loops, bodies, closures, joints, bodies[0].X_PL) if held else _doc_loops(assembly, memo)
+        return tuple(Keyframe(name=p.name, q=coordinates(joints, p.values), origin=p.origin, base=root_at.get(p.name)) for p in poses), ()
+    has_holds = any(closure.hold for closure in closures)
+    of_mode = mode.name if has_holds else None
+    loops = memo(("loops", of_mode), Loops, bodies, closures, joints, bodies[0].X_PL) if has_holds else _doc_loops(assembly, memo)
     if loops is None:
         raise ValueError("a tree without holds has closures only where the documents have loops")
-    base_moves = held and mode.base == "free"
+    base_moves = has_holds and mode.base == "free"
     following = on_loops(len(assembly.occurrences), assembly.mates)
     keyframes: list[Keyframe] = []
     unclosed: list[Unclosed] = []
@@ -185,15 +185,15 @@ def keyframes_of(
             closure, residual = _worst(loops, solution)
             unclosed.append(Unclosed(name=pose.name, path=closure.path, residual=residual, origin=pose.origin, moved=moved))
         else:
-            base = solution.state.base if base_moves else stands.get(pose.name)
+            base = solution.state.base if base_moves else root_at.get(pose.name)
             keyframes.append(Keyframe(
                 name=pose.name, q=solution.state.q, origin=pose.origin, base=base, moved=moved, residual=solution.residual,
             ))
-    own = next((one for one in unclosed if one.name == mode.pose), None)
+    start_failure = next((one for one in unclosed if one.name == mode.pose), None)
     best = None if len(failed) < len(poses) else memo(("failed", of_mode), closest_failure, loops, tuple(failed), base_moves)
-    if own is None and best is None:
+    if start_failure is None and best is None:
         return tuple(keyframes), tuple(unclosed)
-    _report(mode, loops, own, best, keyframes, report)
+    _report(mode, loops, start_failure, best, keyframes, report)
     return None
 
 
@@ -211,21 +211,24 @@ def closest_failure(loops: Loops, failed: tuple[Solution, ...], base_moves: bool
     return best
 
 
-def _report(mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution | None, keyframes: list[Keyframe], report: Report) -> None:
+def _report(
+    mode: LinkedMode, loops: Loops, start: Unclosed | None, best: Solution | None, keyframes: list[Keyframe], report: Report,
+) -> None:
     """Report loops that do not close.
 
-    `best` is the best solution for loops that never close, and `own` is the result for the start pose of the mode.
+    `best` is the solution with the smallest error if the loops cannot be closed at all. `start` is the result for the start pose of the
+    mode, if its loops do not close.
     """
-    where = ""
+    place = ""
     if best is None:
-        if own is None:
+        if start is None:
             return
-        closure, residual = next(c for c in loops.closures if c.path == own.path), own.residual
+        closure, residual = next(c for c in loops.closures if c.path == start.path), start.residual
         help = (
             f"start from the pose `{keyframes[0].name}`, in which the loops close" if keyframes
             else "start from a pose that is closer to a closed loop"
         )
-        where = f" from pose `{own.name}`"
+        place = f" from pose `{start.name}`"
     else:
         closure, residual = _worst(loops, best)
         help = (
@@ -234,9 +237,9 @@ def _report(mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution
         )
     far = residual_words(residual)
     if closure.hold:
-        message = f"mode `{mode.name}` cannot hold `{closure.path}` in place{where}: at best it is {far} away"
+        message = f"mode `{mode.name}` cannot hold `{closure.path}` in place{place}: at best it is {far} away"
     else:
-        message = f"the loop through joint `{closure.path}` does not close{where}: at best its ends are {far} apart"
+        message = f"the loop through joint `{closure.path}` does not close{place}: at best its ends are {far} apart"
     report.add(Code.UNCLOSED, message, closure.origin, path=closure.path, help=help)
 
 
@@ -246,7 +249,7 @@ def _movements(loops: Loops, start: SolverState, solution: Solution, following: 
     Joints in `following`, which are on loops but not in the pose, are omitted.
     """
     moved = {c.path: solution.state.q[c.path] - start.q[c.path] for c in loops.coordinates if c.path not in following}
-    return {path: by for path, by in moved.items() if abs(by) > STILL}
+    return {path: movement for path, movement in moved.items() if abs(movement) > STILL}
 
 
 def close_pose(loops: Loops, start: SolverState, named: Collection[str], base_moves: bool) -> Solution:
@@ -257,24 +260,24 @@ def close_pose(loops: Loops, start: SolverState, named: Collection[str], base_mo
     The joints that the pose does not contain (not in `named`) move first. If this is not sufficient, all joints move, and the result is the
     closed state that is nearest to the pose.
     """
-    as_written = Solution(state=start, residuals=loops.residuals(start))
-    inside = all(c.lower - STILL <= start.q[c.path] <= c.upper + STILL for c in loops.coordinates)
-    if inside and all(p <= MET and w <= MET for p, w in as_written.residuals):
-        return as_written
+    initial = Solution(state=start, residuals=loops.residuals(start))
+    within_limits = all(c.lower - STILL <= start.q[c.path] <= c.upper + STILL for c in loops.coordinates)
+    if within_limits and all(p <= MET and w <= MET for p, w in initial.residuals):
+        return initial
     unnamed = frozenset(c.path for c in loops.coordinates if c.path not in named)
     stages: list[frozenset[str] | None] = [frozenset()] if base_moves else []
     stages += [unnamed, None] if unnamed and len(unnamed) < len(loops.coordinates) else [None]
-    best = as_written
+    best = initial
     for movable in stages:
         solution = loops.close(start, movable, base_moves=base_moves)
         if solution.closed and (movable is not None or not named):
             return solution
         if solution.closed:
-            other = solution if best is as_written else loops.close(best.state, None, base_moves=base_moves)
-            closed = [solution, *([other] if other.closed and other is not solution else [])]
-            nearest = [loops.nearest(start, one, named, base_moves=base_moves) for one in closed]
-            return min(nearest, key=lambda one: loops.distance(start, one.state, named))
-        best = min(best, solution, key=lambda one: _measure(loops, one))
+            second = solution if best is initial else loops.close(best.state, None, base_moves=base_moves)
+            closed = [solution, *([second] if second.closed and second is not solution else [])]
+            nearest = [loops.nearest(start, candidate, named, base_moves=base_moves) for candidate in closed]
+            return min(nearest, key=lambda candidate: loops.distance(start, candidate.state, named))
+        best = min(best, solution, key=lambda candidate: _measure(loops, candidate))
     return best
 
 

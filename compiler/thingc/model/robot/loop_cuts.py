@@ -55,16 +55,16 @@ def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
     return frozenset(number for number in ordered if groups.join(*_ends(assembly, assembly.mates[number])))
 
 
-def closing(assembly: Assembly, taken: Collection[int], number: int) -> list[Mate]:
-    """Return the mates outside the tree `taken` whose loops contain the mate with the index `number`.
+def closing(assembly: Assembly, tree_mates: Collection[int], number: int) -> list[Mate]:
+    """Return the mates outside the tree `tree_mates` whose loops contain the mate with the index `number`.
 
     If this mate is not on a loop, the result is empty.
     """
     groups = DisjointSets(len(assembly.links))
-    for other in taken:
+    for other in tree_mates:
         if other != number:
             groups.join(*_ends(assembly, assembly.mates[other]))
-    left = (mate for other, mate in enumerate(assembly.mates) if other not in taken and (mate.joints or mate.loop is not None))
+    left = (mate for other, mate in enumerate(assembly.mates) if other not in tree_mates and (mate.joints or mate.loop is not None))
     return [mate for mate in left if len({groups.representative(end) for end in _ends(assembly, mate)}) > 1]
 
 

@@ -68,7 +68,7 @@ their limits although in the solution only one joint is at its limit.
 
 
 class SolverState(FrozenStruct):
-    """The state of the loop solver: the positions q [rad or m] of all joints by path, and the pose of the root link in the world."""
+    """The state of the loop solver: the positions q [rad or m] of all joints, keyed by path, and the pose of the root link in the world."""
 
     q: dict[str, float]
     base: Pose
@@ -138,10 +138,10 @@ class Loops:
     @property
     def outside(self) -> frozenset[str]:
         """The paths of the joints whose motion does not change the errors of the loops."""
-        moving = (*(self.bodies[body].joints for body in self._needed), *(closure.joints for closure in self.closures))
-        inside = [joint.path for joints in moving for joint in joints]
-        moved = {self._moves[path][0] for path in inside if path in self._moves}
-        return frozenset(path for path, (leader, _) in self._moves.items() if leader not in moved)
+        joint_lists = (*(self.bodies[body].joints for body in self._needed), *(closure.joints for closure in self.closures))
+        loop_joints = [joint.path for joints in joint_lists for joint in joints]
+        loop_leaders = {self._moves[path][0] for path in loop_joints if path in self._moves}
+        return frozenset(path for path, (leader, _) in self._moves.items() if leader not in loop_leaders)
 
     def alone(self, q: Mapping[str, float]) -> Loops:
         """Return a copy of the loops without the joints whose motion does not influence the closure of loops.
@@ -162,34 +162,34 @@ class Loops:
 
         The size does not depend on the root. A translation by this size counts as much as a rotation of 1 rad.
         """
-        at = self._link_poses(SolverState(q=dict.fromkeys(self.joints, 0.0), base=NO_POSE))
-        places = [at[body].translation for body in self._needed]
-        places += [at[c.child].apply(c.X_CB.translation) for c in self.closures]
-        if not places:
+        link_poses = self._link_poses(SolverState(q=dict.fromkeys(self.joints, 0.0), base=NO_POSE))
+        points = [link_poses[body].translation for body in self._needed]
+        points += [link_poses[c.child].apply(c.X_CB.translation) for c in self.closures]
+        if not points:
             return 1.0
-        middle = [sum_of(place[k] for place in places) / len(places) for k in range(3)]
-        far = maximum(dist(place, middle) for place in places)
-        return far if far > 0.0 else 1.0
+        mean = [sum_of(place[k] for place in points) / len(points) for k in range(3)]
+        radius = maximum(dist(place, mean) for place in points)
+        return radius if radius > 0.0 else 1.0
 
     def _link_poses(self, state: SolverState) -> dict[int, Pose]:
-        at: dict[int, Pose] = {}
+        poses: dict[int, Pose] = {}
         for index in self._needed:
             body = self.bodies[index]
-            at[index] = state.base if body.parent is None else body_pose(body, at[body.parent], state.q)
-        return at
+            poses[index] = state.base if body.parent is None else body_pose(body, poses[body.parent], state.q)
+        return poses
 
-    def _frames(self, closure: Closure, at: Mapping[int, Pose], q: Mapping[str, float]) -> tuple[Pose, Pose]:
+    def _frames(self, closure: Closure, link_poses: Mapping[int, Pose], q: Mapping[str, float]) -> tuple[Pose, Pose]:
         """Compute the two frames of a loop closure in the world: A on the parent body, and B on the child body.
 
         A is moved by the joints at which the loop was cut.
         """
-        A = closure.X_PA if closure.parent is None else at[closure.parent] @ closure.X_PA
+        A = closure.X_PA if closure.parent is None else link_poses[closure.parent] @ closure.X_PA
         if closure.at_once:
             A = A @ pose_after(closure.twists, tuple(q[joint.path] for joint in closure.joints), at_once=True)
         else:
             for joint, twist in zip(closure.joints, closure.twists, strict=True):
                 A = A @ twist.exponential(q[joint.path])
-        return A, at[closure.child] @ closure.X_CB
+        return A, link_poses[closure.child] @ closure.X_CB
 
     def residuals(self, state: SolverState) -> tuple[tuple[float, float], ...]:
         """Compute the position error |p| [m] and the rotation error |w| [rad] of every loop closure."""
@@ -204,8 +204,8 @@ class Loops:
 
         For a loop that is cut at a ball joint, w is omitted.
         """
-        at = self._link_poses(state)
-        errors = [_error(*self._frames(closure, at, state.q)) for closure in self.closures]
+        link_poses = self._link_poses(state)
+        errors = [_error(*self._frames(closure, link_poses, state.q)) for closure in self.closures]
         return [(p, (0.0, 0.0, 0.0) if closure.turns else w) for closure, (p, w) in zip(self.closures, errors, strict=True)]
 
     def linearize(self, state: SolverState, *, base_moves: bool = False) -> tuple[list[float], list[list[float]]]:
@@ -242,50 +242,51 @@ class Loops:
             if cost <= 1e-32 or not (chosen or base_moves):
                 break
             columns = self._columns(state, chosen, base_moves)
-            better = None
-            while better is None and damping < 1e6:
+            accepted = None
+            while accepted is None and damping < 1e6:
                 step = self._step(state, chosen, columns, error, damping)
-                there = None if step is None else self._move(state, chosen, step, base_moves)
-                if step is not None and there is not None:
-                    new_error = self._stack_errors(there)
-                    gained, promised = cost - _square(new_error), cost - _square(_linear(error, columns, step))
-                    if gained > ROUNDING * cost and gained >= TRUST * promised:
-                        better = there, new_error
-                damping = maximum(damping * 0.1, 1e-14) if better is not None else damping * 10.0
-            if better is None:
+                new_state = None if step is None else self._move(state, chosen, step, base_moves)
+                if step is not None and new_state is not None:
+                    new_error = self._stack_errors(new_state)
+                    decrease, predicted = cost - _square(new_error), cost - _square(_linear(error, columns, step))
+                    if decrease > ROUNDING * cost and decrease >= TRUST * predicted:
+                        accepted = new_state, new_error
+                damping = maximum(damping * 0.1, 1e-14) if accepted is not None else damping * 10.0
+            if accepted is None:
                 break
-            state, error = better
+            state, error = accepted
             cost = _square(error)
         return Solution(state=state, residuals=self.residuals(state))
 
-    def nearest(self, start: SolverState, closed: Solution, given: Collection[str], *, base_moves: bool) -> Solution:
+    def nearest(self, start: SolverState, closed: Solution, given_paths: Collection[str], *, base_moves: bool) -> Solution:
         """Find the state with closed loops that is nearest to `start`, beginning with the solution `closed`.
 
-        The squared distance is a sum over the coordinates whose paths are in `given`. Rotations are measured in rad, and translations in
-        units of the robot's size. The method uses Gauss-Newton steps for a constrained least-squares problem, and tries shorter steps if
-        the steps do not converge.
+        The squared distance is a sum over the coordinates whose paths are in `given_paths`. Rotations are measured in rad, and translations
+        in units of the robot's size. The method uses Gauss-Newton steps for a constrained least-squares problem, and tries shorter steps
+        if the steps do not converge.
         """
-        weighted = [c if c.path in given else replace(c, unit=FREE * c.unit) for c in self.coordinates]
+        weighted = [c if c.path in given_paths else replace(c, unit=FREE * c.unit) for c in self.coordinates]
         for share in (1.0, 0.3, 0.1):
             state = closed.state
             for _ in range(STEPS):
                 columns = self._columns(state, weighted, base_moves)
-                back = [(start.q[c.path] - state.q[c.path]) / c.unit if c.path in given else 0.0 for c in weighted]
-                back += [0.0] * (len(columns) - len(back))
-                step = self._step(state, weighted, columns, self._stack_errors(state), PROJECTION, back)
+                to_start = [(start.q[c.path] - state.q[c.path]) / c.unit if c.path in given_paths else 0.0 for c in weighted]
+                to_start += [0.0] * (len(columns) - len(to_start))
+                step = self._step(state, weighted, columns, self._stack_errors(state), PROJECTION, to_start)
                 if step is None or maximum(map(abs, step)) < NEAR:
                     break
                 state = self._move(state, weighted, [share * value for value in step], base_moves)
             else:
                 continue
-            found = self.close(state, None, base_moves=base_moves)
-            if found.closed and self.distance(start, found.state, given) < (1.0 - GAIN) * self.distance(start, closed.state, given):
-                return found
+            candidate = self.close(state, None, base_moves=base_moves)
+            distance = self.distance(start, candidate.state, given_paths)
+            if candidate.closed and distance < (1.0 - GAIN) * self.distance(start, closed.state, given_paths):
+                return candidate
         return closed
 
-    def distance(self, start: SolverState, state: SolverState, given: Collection[str]) -> float:
+    def distance(self, start: SolverState, state: SolverState, given_paths: Collection[str]) -> float:
         """Return the squared distance between a state and the start state, which the method `nearest` minimizes."""
-        return sum_of(((start.q[c.path] - state.q[c.path]) / c.unit) ** 2 for c in self.coordinates if c.path in given)
+        return sum_of(((start.q[c.path] - state.q[c.path]) / c.unit) ** 2 for c in self.coordinates if c.path in given_paths)
 
     def _stack_errors(self, state: SolverState) -> list[float]:
         """Return the position and rotation errors of all loop closures in one list [m].
@@ -303,23 +304,23 @@ class Loops:
 
         The base has three translations (in units of the robot's size), and three rotations about the origin of the root link.
         """
-        at = self._link_poses(state)
+        link_poses = self._link_poses(state)
         by_path: dict[str, list[float]] = {}
         zero = [0.0] * (6 * len(self.closures))
         for row, (closure, (parents, children)) in enumerate(zip(self.closures, self._ends, strict=True)):
-            A, B = self._frames(closure, at, state.q)
+            A, B = self._frames(closure, link_poses, state.q)
             for chain, end, sign in ((children, B, 1.0), (parents, A, -1.0)):
-                others = parents if sign > 0.0 else children
+                other_chain = parents if sign > 0.0 else children
                 for index in chain:
-                    if index in others:  # coordinates that move both ends do not change the residual
+                    if index in other_chain:  # coordinates that move both ends do not change the residual
                         continue
-                    for joint, twist in in_world(self.bodies[index], at[index], state.q):
-                        into = by_path.setdefault(joint.path, list(zero))
-                        self._add(into, row, twist.velocity(end.translation), sign)
+                    for joint, twist in in_world(self.bodies[index], link_poses[index], state.q):
+                        derivative = by_path.setdefault(joint.path, list(zero))
+                        self._add(derivative, row, twist.velocity(end.translation), sign)
             values = tuple(state.q[cut.path] for cut in closure.joints)
             for number, twist in velocities(closure.twists, values, A, at_once=closure.at_once):
-                into = by_path.setdefault(closure.joints[number].path, list(zero))
-                self._add(into, row, twist.velocity(A.translation), -1.0)
+                derivative = by_path.setdefault(closure.joints[number].path, list(zero))
+                self._add(derivative, row, twist.velocity(A.translation), -1.0)
         columns: list[list[float]] = []
         follows = self.follows(state.q)
         for coordinate in chosen:
@@ -334,7 +335,7 @@ class Loops:
                 column = list(zero)
                 for row, closure in enumerate(self.closures):
                     if closure.parent is None:
-                        point = self._frames(closure, at, state.q)[1].translation
+                        point = self._frames(closure, link_poses, state.q)[1].translation
                         self._add(column, row, twist.velocity(point), 1.0 if twist.turns else self.length)
                 columns.append(column)
         return columns
@@ -348,39 +349,39 @@ class Loops:
 
     def _step(
         self, state: SolverState, chosen: Sequence[LoopCoordinate], columns: Sequence[Sequence[float]], error: Sequence[float],
-        damping: float, back: Sequence[float] | None = None,
+        damping: float, preferred: Sequence[float] | None = None,
     ) -> list[float] | None:
         """Return a damped least-squares step in the units of the coordinates.
 
-        Return None if the equations are numerically singular. The step is the one nearest to `back`, or the shortest step if `back` is
-        None.
+        Of all solutions, the step is the one nearest to `preferred`, or the shortest if `preferred` is None. Return None if the equations
+        are numerically singular.
         """
-        back = [0.0] * len(columns) if back is None else back
+        preferred = [0.0] * len(columns) if preferred is None else preferred
         step = [0.0] * len(columns)
-        free = [k for k, column in enumerate(columns) if any(column) or back[k]]
-        left = list(error)
+        free = [k for k, column in enumerate(columns) if any(column) or preferred[k]]
+        remaining = list(error)
         while free:
-            chosen_columns, wanted = [columns[k] for k in free], [back[k] for k in free]
-            rest = solve(chosen_columns, _linear(left, chosen_columns, wanted), damping)
-            if rest is None:
+            chosen_columns, preferred_free = [columns[k] for k in free], [preferred[k] for k in free]
+            correction = solve(chosen_columns, _linear(remaining, chosen_columns, preferred_free), damping)
+            if correction is None:
                 return None
-            changes = [want + change for want, change in zip(wanted, rest, strict=True)]
-            past: list[tuple[int, float]] = []
+            changes = [value_preferred + change for value_preferred, change in zip(preferred_free, correction, strict=True)]
+            beyond: list[tuple[int, float]] = []
             for k, value in zip(free, changes, strict=True):
                 if k < len(chosen):
                     coordinate = chosen[k]
                     q = state.q[coordinate.path]
                     low, high = (coordinate.lower - q) / coordinate.unit, (coordinate.upper - q) / coordinate.unit
                     if value < low or value > high:
-                        past.append((k, low if value < low else high))
-            if not past:
+                        beyond.append((k, low if value < low else high))
+            if not beyond:
                 for k, value in zip(free, changes, strict=True):
                     step[k] = value
                 break
-            for k, value in past:
+            for k, value in beyond:
                 step[k] = value
-                left = [e + value * c for e, c in zip(left, columns[k], strict=True)]
-            stopped = {k for k, _ in past}
+                remaining = [e + value * c for e, c in zip(remaining, columns[k], strict=True)]
+            stopped = {k for k, _ in beyond}
             free = [k for k in free if k not in stopped]
         longest = maximum((abs(value) for value in step), default=0.0)
         return step if longest <= REACH else [value * REACH / longest for value in step]
@@ -393,7 +394,7 @@ class Loops:
             for path, share in coordinate.moves:
                 q[path] = target if path == coordinate.path else q[path] + share * delta
         if self._bent:
-            q = coordinates(self.joints.values(), {one.path: q[one.path] for one in self.coordinates})
+            q = coordinates(self.joints.values(), {c.path: q[c.path] for c in self.coordinates})
         q |= in_cones(self._balls, q)
         base = state.base
         if base_moves:
@@ -463,16 +464,16 @@ def _reach(joints: Mapping[str, JointEdge], leader: str, follower: str, low: flo
     start = minimum(maximum(0.0, limit.lower), limit.upper)
     ends: list[float] = []
     for end in (limit.lower, limit.upper):
-        inside = start
+        last_valid = start
         for number in range(1, SAMPLES + 1):
-            there = start + (end - start) * number / SAMPLES
-            if not within(there):
+            position = start + (end - start) * number / SAMPLES
+            if not within(position):
                 for _ in range(50):
-                    middle = 0.5 * (inside + there)
-                    inside, there = (middle, there) if within(middle) else (inside, middle)
+                    middle = 0.5 * (last_valid + position)
+                    last_valid, position = (middle, position) if within(middle) else (last_valid, middle)
                 break
-            inside = there
-        ends.append(inside)
+            last_valid = position
+        ends.append(last_valid)
     return (ends[0], ends[1]) if within(start) else (-inf, inf)
 
 
@@ -512,11 +513,11 @@ def orthonormal(r: Matrix) -> Matrix:
 
 def _linear(error: Sequence[float], columns: Sequence[Sequence[float]], step: Sequence[float]) -> list[float]:
     """Return the residuals after a step, as predicted by the linear model."""
-    left = list(error)
+    predicted = list(error)
     for value, column in zip(step, columns, strict=True):
         if value != 0.0:
-            left = [e + value * c for e, c in zip(left, column, strict=True)]
-    return left
+            predicted = [e + value * c for e, c in zip(predicted, column, strict=True)]
+    return predicted
 
 
 def _square(values: Sequence[float]) -> float:

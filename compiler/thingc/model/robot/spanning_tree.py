@@ -27,8 +27,8 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
     results.
     """
     memo = memo or Memo()
-    taken = spanning(assembly, mode)
-    bodies = bodies_from(assembly, assembly.link_of[mode.root.occurrence], taken, root_pose(assembly, mode), memo)
+    tree_mates = spanning(assembly, mode)
+    bodies = bodies_from(assembly, assembly.link_of[mode.root.occurrence], tree_mates, root_pose(assembly, mode), memo)
     if len(bodies) < len(assembly.links):
         reached = {body.link for body in bodies}
         missing = next(link for link in assembly.links if link.index not in reached)
@@ -37,7 +37,7 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
             path=missing.name, help="attach its components to components that are connected to the root",
         )
         return None
-    closures = closures_of(assembly, mode, bodies, taken, report, memo)
+    closures = closures_of(assembly, mode, bodies, tree_mates, report, memo)
     if closures is None:
         return None
     closed = keyframes_of(assembly, mode, bodies, closures, report, memo)

@@ -32,8 +32,8 @@ def placing(assembly: Assembly) -> frozenset[int]:
     return frozenset(n for n, mate in enumerate(assembly.mates) if mate.separates and mate.loop is None)
 
 
-def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose, memo: Memo | None = None) -> tuple[Body, ...]:
-    """Build the kinematic tree of all bodies that the mates in `taken` connect, in depth-first order from the link `start`.
+def bodies_from(assembly: Assembly, start: int, tree_mates: Collection[int], at: Pose, memo: Memo | None = None) -> tuple[Body, ...]:
+    """Build the kinematic tree of all bodies that the mates in `tree_mates` connect, in depth-first order from the link `start`.
 
     `at` is the pose of the link `start` in the world.
 
@@ -43,7 +43,7 @@ def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose
     placed, memo = in_link(assembly), memo or Memo()
     edges: list[list[tuple[int, int]]] = [[] for _ in assembly.links]
     for number, mate in enumerate(assembly.mates):
-        if number in taken:
+        if number in tree_mates:
             one, other = assembly.link_of[mate.parent], assembly.link_of[mate.child]
             edges[one].append((other, number))
             edges[other].append((one, number))
@@ -101,13 +101,13 @@ def base_moves(mode: LinkedMode, root: Pose) -> tuple[TreeJoint, ...]:
     )
 
 
-def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], taken: Collection[int]) -> tuple[Closure, ...]:
+def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], tree_mates: Collection[int]) -> tuple[Closure, ...]:
     """Return a loop closure for each joint outside the kinematic tree, including `fixed` joints that close a loop."""
     placed = in_link(assembly)
     body_of = {body.link: index for index, body in enumerate(bodies)}
     closures: list[Closure] = []
     for number, mate in enumerate(assembly.mates):
-        if number in taken or not mate.separates:
+        if number in tree_mates or not mate.separates:
             continue
         twists, offsets = tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)
         A = placed[mate.parent] @ mate.X_PJ

@@ -101,18 +101,18 @@ class BoundedSolid:
         small = Balls(corners.min(axis=1), corners.max(axis=1), self.radius / SMALL)
         return small, Balls(small.low, small.high, self.radius / LARGE)
 
-    def distance_bound(self, other: BoundedSolid, at: Pose, within: float, *, coarse: bool = False) -> float:
+    def distance_bound(self, other: BoundedSolid, pose: Pose, within: float, *, coarse: bool = False) -> float:
         """Return a lower bound of the distance [m] to the surface of a body at a pose, or `within` if the distance is greater.
 
         With `coarse`, only large balls are compared.
         """
-        turn, shift, slack = np.array(at.rotation).T, np.array(at.translation), self.slack + other.slack
+        turn, shift, slack = np.array(pose.rotation).T, np.array(pose.translation), self.slack + other.slack
         (fine, large), (fine_other, large_other) = self.balls, other.balls
         bounds = _ball_distances(large.centres, large.radii, large_other.centres @ turn + shift, large_other.radii) - slack
-        near = bounds < within
-        if coarse or not near.any():
+        near_pairs = bounds < within
+        if coarse or not near_pairs.any():
             return min(float(bounds.min()), within)
-        ours, theirs = np.asarray(near.any(axis=1))[large.owner], np.asarray(near.any(axis=0))[large_other.owner]
+        ours, theirs = np.asarray(near_pairs.any(axis=1))[large.owner], np.asarray(near_pairs.any(axis=0))[large_other.owner]
         centres, radii = fine_other.centres[theirs] @ turn + shift, fine_other.radii[theirs]
         return min(float(_ball_distances(fine.centres[ours], fine.radii[ours], centres, radii).min()) - slack, within)
 
@@ -130,10 +130,12 @@ def body_of(part: Occurrence, solid: Solid, tolerance: float) -> BoundedSolid:
     """
     if part.record is not None:
         plane = part.record.exact and abs(float(solid.whole.surface_area()) - part.record.area) <= EXACT * part.record.area
-        whole = solid.whole if plane else solid.whole.simplify(tolerance / 4.0)
-        return BoundedSolid(Solid(whole, ((whole, 0.0),)), 0.0 if plane else 1.25 * tolerance)
-    curved = (one.solid for one in part.solids if isinstance(one.solid, Primitive) and one.solid.shape in ("cylinder", "ellipsoid"))
-    return BoundedSolid(solid, max((1e-3 * (one.size[0] if one.shape == "cylinder" else max(one.size)) for one in curved), default=0.0))
+        mesh = solid.whole if plane else solid.whole.simplify(tolerance / 4.0)
+        return BoundedSolid(Solid(mesh, ((mesh, 0.0),)), 0.0 if plane else 1.25 * tolerance)
+    primitives = [surface.solid for surface in part.solids if isinstance(surface.solid, Primitive)]
+    curved = (shape for shape in primitives if shape.shape in ("cylinder", "ellipsoid"))
+    sizes = (shape.size[0] if shape.shape == "cylinder" else max(shape.size) for shape in curved)
+    return BoundedSolid(solid, max((1e-3 * size for size in sizes), default=0.0))
 
 
 @dataclass(eq=False)
@@ -142,8 +144,9 @@ class ComparedPair:
 
     `joined` pairs are on links that a joint connects, and may touch. All other pairs must be at least `clearance` [m] apart. Intersections
     are errors if their mean thickness is above `deep` [m]. `gap` is the smallest distance that was found, in the positions `q`; `depth`
-    and `volume` describe the intersection in these positions. `method` is how the result was found. If the parts have not been `apart` in
-    `patience` positions, they count as touching in all positions.
+    and `volume` describe the intersection in these positions. `method` is how the result was found. `seen` is the number of compared
+    positions. `found` is True after a collision was found, and `near` if some box of positions could not be decided. If the parts have not
+    been `apart` in the first `patience` positions, they count as touching in all positions.
     """
 
     one: int
@@ -232,13 +235,13 @@ class Place:
         if _distance(a.middle, relative.apply(b.middle)) - a.radius - b.radius >= within:
             return within
         low, high = relative.around(b.box)
-        between = [max(low[k] - a.box[1][k], a.box[0][k] - high[k], 0.0) for k in range(3)]
-        if hypot(*between) >= within:
+        gaps = [max(low[k] - a.box[1][k], a.box[0][k] - high[k], 0.0) for k in range(3)]
+        if hypot(*gaps) >= within:
             return within
         close = within if a.triangles * b.triangles <= FEW else min(within, pair.floor + CLOSE)
         if close >= within or (
             bound := a.distance_bound(b, relative, within, coarse=True)
-        ) <= 0.0 or _inside(a.box, (low, high)) or _inside(b.box, relative.inverse().around(a.box)):
+        ) <= 0.0 or _loop_joints(a.box, (low, high)) or _loop_joints(b.box, relative.inverse().around(a.box)):
             gap = a.solid.gap(b.solid.at(relative), close)
             return gap if gap < close or close >= within else max(gap, a.distance_bound(b, relative, within))
         if bound < within:
@@ -255,12 +258,12 @@ class Place:
 
     def compare(self, pair: ComparedPair, within: float) -> float:
         """Measure the distance [m] of two parts up to `within`, or their intersection, and record the result in the pair."""
-        apart = pair.clearance + pair.error + SKIN
-        within = max(within, apart + TOUCH)
+        clear_gap = pair.clearance + pair.error + SKIN
+        within = max(within, clear_gap + TOUCH)
         gap = self.gap(pair, within)
         volume, depth = self.overlap(pair) if gap <= 0.0 and pair.clearance == 0.0 else (0.0, 0.0)
         pair.seen += 1
-        pair.apart |= gap > apart
+        pair.apart |= gap > clear_gap
         pair.found |= gap < pair.clearance - TOUCH if pair.clearance > 0.0 else depth > pair.deep
         if gap < within and (depth, -gap) > (pair.depth, -pair.gap):
             pair.gap, pair.depth, pair.volume, pair.q = gap, depth, volume, self.q
@@ -314,38 +317,39 @@ class Sweep:
         index_of = {body.link: index for index, body in enumerate(robot.bodies)}
         self.body_of = [index_of[link] for link in assembly.link_of]
         self._joints = {joint.path: joint for joint in joints_of(assembly)}
-        self._still = {path: frame.q[path] for path, joint in self._joints.items() if joint.mimic is None}
+        self._initial = {path: frame.q[path] for path, joint in self._joints.items() if joint.mimic is None}
         self._loops = Loops(robot.bodies, robot.closures, tuple(self._joints.values()), self.base) if robot.closures else None
-        inside = frozenset(self._joints) - self._loops.outside if self._loops is not None else frozenset()
-        driven = {one.joint for one in ranges}
-        self._inside = inside if inside & driven else frozenset()
-        self._movable = self._inside - driven
-        self._leads = {path: leader for path, (leader, _, _) in leaders(self._joints.values(), frame.q).items()}
-        self._between: dict[tuple[int, int], tuple[list[int], list[int]]] = {}
+        loop_joints = frozenset(self._joints) - self._loops.outside if self._loops is not None else frozenset()
+        driven = {entry.joint for entry in ranges}
+        self._loop_joints = loop_joints if loop_joints & driven else frozenset()
+        self._movable = self._loop_joints - driven
+        self._leaders = {path: leader for path, (leader, _, _) in leaders(self._joints.values(), frame.q).items()}
+        self._chains: dict[tuple[int, int], tuple[list[int], list[int]]] = {}
 
-    def chains_between(self, one: int, other: int) -> tuple[list[int], list[int]]:
+    def chains_between(self, first: int, second: int) -> tuple[list[int], list[int]]:
         """Return the bodies from each of two parts up to, but not including, the first body that carries both."""
-        ends = self.body_of[one], self.body_of[other]
-        if ends not in self._between:
+        ends = self.body_of[first], self.body_of[second]
+        if ends not in self._chains:
             up, down = (list(with_ancestors(self.robot.bodies, end)) for end in ends)
-            self._between[ends] = ([body for body in up if body not in down], [body for body in down if body not in up])
-        return self._between[ends]
+            self._chains[ends] = ([body for body in up if body not in down], [body for body in down if body not in up])
+        return self._chains[ends]
 
-    def moving(self, one: int, other: int) -> tuple[frozenset[int], bool]:
+    def moving(self, first: int, second: int) -> tuple[frozenset[int], bool]:
         """Return the indices of the ranges that move two parts relative to each other, and whether a loop moves the parts."""
-        paths = {joint.path for chain in self.chains_between(one, other) for body in chain for joint in self.robot.bodies[body].joints}
-        leads = {self._leads[path] for path in paths}
-        looped = not leads.isdisjoint(self._inside)
-        return frozenset(k for k, one in enumerate(self.ranges) if one.joint in leads or (looped and one.joint in self._inside)), looped
+        paths = {joint.path for chain in self.chains_between(first, second) for body in chain for joint in self.robot.bodies[body].joints}
+        leads = {self._leaders[path] for path in paths}
+        looped = not leads.isdisjoint(self._loop_joints)
+        moving = leads | self._loop_joints if looped else leads
+        return frozenset(k for k, entry in enumerate(self.ranges) if entry.joint in moving), looped
 
     def place(self, x: Mapping[int, float], start: Mapping[str, float] | None = None) -> Place | None:
         """Return the robot with the joints of the ranges at `x`, by the index of the range. Return None if its loops do not close.
 
         `start` contains the positions from which the solver begins.
         """
-        values = {**self._still, **{path: (start or self._still)[path] for path in self._movable if path in self._still}}
+        values = {**self._initial, **{path: (start or self._initial)[path] for path in self._movable if path in self._initial}}
         q = coordinates(self._joints.values(), values | {self.ranges[k].joint: value for k, value in x.items()})
-        if self._inside and self._loops is not None:
+        if self._loop_joints and self._loops is not None:
             solution = self._loops.close(SolverState(q=q, base=self.base), self._movable, base_moves=False)
             if not solution.closed:
                 return None
@@ -354,19 +358,19 @@ class Sweep:
 
     def steps(self, place: Place, x: Mapping[int, float], half: Mapping[int, float]) -> dict[str, float]:
         """Return how far [rad or m] each joint moves at most from the middle of a box, whose half widths are `half`."""
-        own = {self.ranges[k].joint: width for k, width in half.items()}
-        steps = dict(own)
+        widths = {self.ranges[k].joint: width for k, width in half.items()}
+        steps = dict(widths)
         for path, joint in self._joints.items():
-            if joint.mimic is not None and self._leads[path] in own:
-                steps[path] = self._rate(path, place.q, own) * own[self._leads[path]]
-        if not self._inside:
+            if joint.mimic is not None and self._leaders[path] in widths:
+                steps[path] = self._rate(path, place.q, widths) * widths[self._leaders[path]]
+        if not self._loop_joints:
             return steps
         steps |= dict.fromkeys(self._movable, 0.0)
         for signs in np.ndindex(*[2] * len(half)):
             corner = {k: x[k] + (2 * sign - 1) * width for sign, (k, width) in zip(signs, half.items(), strict=True)}
-            there = self.place(corner, place.q)
-            for path in self._movable if there is not None else ():
-                steps[path] = max(steps[path], FOLLOWED * abs(there.q[path] - place.q[path]))  # type: ignore[union-attr]
+            corner_place = self.place(corner, place.q)
+            for path in self._movable if corner_place is not None else ():
+                steps[path] = max(steps[path], FOLLOWED * abs(corner_place.q[path] - place.q[path]))  # type: ignore[union-attr]
         return steps
 
     def _rate(self, path: str, q: Mapping[str, float], half: Mapping[str, float]) -> float:
@@ -375,15 +379,15 @@ class Sweep:
         if mimic is None or mimic.joint.path not in self._joints:
             return 1.0
         inner = self._rate(mimic.joint.path, q, half)
-        return _steepest(mimic, abs(q[mimic.joint.path]) + inner * half[self._leads[path]]) * inner
+        return _steepest(mimic, abs(q[mimic.joint.path]) + inner * half[self._leaders[path]]) * inner
 
 
-def _steepest(mimic: Mimic, most: float) -> float:
-    """Return a bound of the slope of a mimic for positions of the other joint whose absolute value is at most `most`."""
-    return sum_of(k * abs(c) * most ** (k - 1) for k, c in enumerate(mimic.polynomial) if k)
+def _steepest(mimic: Mimic, bound: float) -> float:
+    """Return an upper bound of the absolute slope of a mimic, if the absolute position of the other joint is at most `bound`."""
+    return sum_of(k * abs(c) * bound ** (k - 1) for k, c in enumerate(mimic.polynomial) if k)
 
 
-def _inside(outer: tuple[Vector, Vector], inner: tuple[Vector, Vector]) -> bool:
+def _loop_joints(outer: tuple[Vector, Vector], inner: tuple[Vector, Vector]) -> bool:
     return all(a < b and c > d for a, b, c, d in zip(outer[0], inner[0], outer[1], inner[1], strict=True))
 
 
@@ -403,10 +407,10 @@ def prove(sweep: Sweep, pairs: Collection[ComparedPair]) -> None:
         middle, half = ({k: (high + sign * low) / 2.0 for k, (low, high) in ends.items()} for sign in (1.0, -1.0))
         waiting = deque([Box(middle, half, group, None)])
         while waiting:
-            waiting.extend(_rest(sweep, waiting.popleft()))
+            waiting.extend(_compare_in_box(sweep, waiting.popleft()))
 
 
-def _rest(sweep: Sweep, box: Box) -> Iterator[Box]:
+def _compare_in_box(sweep: Sweep, box: Box) -> Iterator[Box]:
     """Compare the pairs of a box. Yield the two halves of the box with the pairs that are not decided in the box."""
     active = [pair for pair in box.pairs if not pair.done]
     place = sweep.place(box.middle, box.start) if active else None
@@ -415,7 +419,7 @@ def _rest(sweep: Sweep, box: Box) -> Iterator[Box]:
             yield from box.halves(max(box.half, key=lambda k: box.half[k] / (sweep.ranges[k].upper - sweep.ranges[k].lower)), active, None)
         return
     steps = sweep.steps(place, box.middle, box.half)
-    rest: list[ComparedPair] = []
+    undecided: list[ComparedPair] = []
     for pair in active:
         motion = place.travel(pair, steps)
         gap = place.compare(pair, pair.floor + motion)
@@ -425,13 +429,13 @@ def _rest(sweep: Sweep, box: Box) -> Iterator[Box]:
         if motion <= fine or (gap >= pair.clearance + motion and (gap < pair.floor or pair.near)):
             pair.near = True
         else:
-            rest.append(pair)
-    if rest:
+            undecided.append(pair)
+    if undecided:
         widest = next(iter(box.half))
         if len(box.half) > 1:
-            pair = rest[0]
+            pair = undecided[0]
             widest = max(box.half, key=lambda k: place.travel(pair, sweep.steps(place, box.middle, {k: box.half[k]})))
-        yield from box.halves(widest, rest, place.q)
+        yield from box.halves(widest, undecided, place.q)
 
 
 def sample(sweep: Sweep, pairs: Sequence[ComparedPair], positions: Iterable[Sequence[float]]) -> int:
@@ -452,10 +456,10 @@ def sample(sweep: Sweep, pairs: Sequence[ComparedPair], positions: Iterable[Sequ
             missing += 1
             continue
         for pair in pairs:
-            before = pair.q
+            previous_q = pair.q
             if not pair.found:
                 place.compare(pair, max(pair.floor, min(pair.gap, SEE)))
-                best[id(pair)] = point if pair.q is not before else best.get(id(pair), point)
+                best[id(pair)] = point if pair.q is not previous_q else best.get(id(pair), point)
     for pair in sorted((pair for pair in pairs if id(pair) in best and not pair.joined), key=lambda pair: pair.gap)[:NEAREST]:
         def descend(point: Sequence[float], pair: ComparedPair = pair) -> float:
             place = sweep.place(x_of(point))
