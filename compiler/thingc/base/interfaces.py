@@ -52,7 +52,7 @@ class MountFeature(FrozenStruct, tag=True, omit_defaults=True):
 
         def change(name: str, value: Any) -> Any:
             if isinstance(value, (list, tuple)):
-                return tuple(change(name, one) for one in value)
+                return tuple(change(name, item) for item in value)
             if value is None or isinstance(value, str) or name == "count":
                 return value
             return angle(value) if name == "start" else length(value)
@@ -109,28 +109,28 @@ class Bolts(MountFeature, kw_only=False):
         """Compare the threads, the counts, the circles and the positions of the holes."""
         if not isinstance(other, (Bolts, Shank)):
             return None
-        found = [(f"thread {self.thread}", f"thread {other.thread}", "")] if self.thread.casefold() != other.thread.casefold() else []
+        mismatches = [(f"thread {self.thread}", f"thread {other.thread}", "")] if self.thread.casefold() != other.thread.casefold() else []
         if isinstance(other, Shank):
-            return found
-        few, many = sorted((self, other), key=lambda one: len(one.points))
+            return mismatches
+        smaller, larger = sorted((self, other), key=lambda bolts: len(bolts.points))
         if not (self.at or other.at):
-            if many.count % few.count:
-                found.append((f"{self.count} bolts", f"{other.count} bolts", ""))
+            if larger.count % smaller.count:
+                mismatches.append((f"{self.count} bolts", f"{other.count} bolts", ""))
             if not abs((self.circle or 0.0) - (other.circle or 0.0)) <= SAME:
-                found.append((f"bolt circle {mm(self.circle or 0.0)}", f"bolt circle {mm(other.circle or 0.0)}", ""))
-        return found if found or pair.turns else self._compare_holes(other, pair)
+                mismatches.append((f"bolt circle {mm(self.circle or 0.0)}", f"bolt circle {mm(other.circle or 0.0)}", ""))
+        return mismatches if mismatches or pair.turns else self._compare_holes(other, pair)
 
     def _compare_holes(self, other: Bolts, pair: MountPair) -> list[Mismatch]:
         """Return a mismatch for the first hole of the smaller pattern that is not at a hole of the larger pattern."""
         mine, theirs = self.points, [pair.pose.apply((x, y, 0.0))[:2] for x, y in other.points]
         swapped = len(theirs) < len(mine)
-        few, many = (theirs, mine) if swapped else (mine, theirs)
-        for x, y in few:
-            square, u, v = min(((x - u) * (x - u) + (y - v) * (y - v), u, v) for u, v in many)
+        smaller, larger = (theirs, mine) if swapped else (mine, theirs)
+        for x, y in smaller:
+            square, u, v = min(((x - u) * (x - u) + (y - v) * (y - v), u, v) for u, v in larger)
             if square > SAME_PLACE**2:
-                here, there = (f"bolt at {degrees(atan2(b, a)) + 0.0:.6g} deg, {mm(hypot(a, b))}" for a, b in ((x, y), (u, v)))
-                why = f"distance {mm(sqrt(square))}, in the frame of the first mount"
-                return [(there, here, why) if swapped else (here, there, why)]
+                found, expected = (f"bolt at {degrees(atan2(b, a)) + 0.0:.6g} deg, {mm(hypot(a, b))}" for a, b in ((x, y), (u, v)))
+                comparison = f"distance {mm(sqrt(square))}, in the frame of the first mount"
+                return [(expected, found, comparison) if swapped else (found, expected, comparison)]
         return []
 
 
@@ -162,15 +162,15 @@ class Bore(RoundFeature, kw_only=False):
             return [(str(self), f"thread {other.thread}", "")] if (nominal(other.thread) or 0.0) > self.diameter + SAME else []
         if not isinstance(other, Boss):
             return [] if isinstance(other, Bore) else None
-        play, found = self.diameter - other.diameter, []
-        for least, most in [one for one in (self.clearance, other.clearance) if one is not None] or [(0.0, math.inf)]:
+        play, mismatches = self.diameter - other.diameter, []
+        for least, most in [bounds for bounds in (self.clearance, other.clearance) if bounds is not None] or [(0.0, math.inf)]:
             if not least - SAME <= play <= most + SAME:
-                wanted = "at least 0" if most == math.inf else f"{1e3 * least:.6g} to {mm(most)}"
-                found.append((str(self), str(other), f"clearance {mm(play)}, expected {wanted}"))
-        inside = None if other.length is None or pair.slides else other.length - pair.pose.translation[2]
-        if inside is not None and self.depth is not None and inside > self.depth + SAME:
-            found.append((f"bore {mm(self.depth)} deep", f"boss {mm(inside)} long", ""))
-        return found
+                expected = "at least 0" if most == math.inf else f"{1e3 * least:.6g} to {mm(most)}"
+                mismatches.append((str(self), str(other), f"clearance {mm(play)}, expected {expected}"))
+        inserted = None if other.length is None or pair.slides else other.length - pair.pose.translation[2]
+        if inserted is not None and self.depth is not None and inserted > self.depth + SAME:
+            mismatches.append((f"bore {mm(self.depth)} deep", f"boss {mm(inserted)} long", ""))
+        return mismatches
 
 
 class Boss(RoundFeature, kw_only=False):
@@ -217,24 +217,24 @@ class Connector(MountFeature, kw_only=False):
 MatingFeature = Bolts | Bore | Boss | Shank | Connector
 
 
-def compare(one: Sequence[MatingFeature], other: Sequence[MatingFeature], pair: MountPair) -> list[Mismatch]:
-    """Return the differences between the features of two mounts that meet. A mount without features meets any other mount.
+def compare(first: Sequence[MatingFeature], second: Sequence[MatingFeature], pair: MountPair) -> list[Mismatch]:
+    """Return the differences between the features of two mounts that are mated. A mount without features fits any other mount.
 
     Each feature of the mount with fewer features is compared with the feature of the other mount that fits best. A feature without a
     counterpart is skipped, unless no feature has a counterpart.
     """
-    table = [[_meet(mine, theirs, pair) for theirs in other] for mine in one]
-    rows = table if len(one) <= len(other) else list(map(list, zip(*table, strict=True)))
-    best = [min(known, key=len) for row in rows if (known := [found for found in row if found is not None])]
-    if not best and one and other:
-        return [(", ".join(map(str, one)), ", ".join(map(str, other)), "")]
-    return [mismatch for found in best for mismatch in found]
+    table = [[_meet(mine, theirs, pair) for theirs in second] for mine in first]
+    rows = table if len(first) <= len(second) else list(map(list, zip(*table, strict=True)))
+    best = [min(comparisons, key=len) for row in rows if (comparisons := [mismatches for mismatches in row if mismatches is not None])]
+    if not best and first and second:
+        return [(", ".join(map(str, first)), ", ".join(map(str, second)), "")]
+    return [mismatch for mismatches in best for mismatch in mismatches]
 
 
-def _meet(one: MatingFeature, other: MatingFeature, pair: MountPair) -> list[Mismatch] | None:
-    found = one.meets(other, pair)
-    swapped = other.meets(one, pair) if found is None else None
-    return found if swapped is None else [(mine, theirs, why) for theirs, mine, why in swapped]
+def _meet(first: MatingFeature, second: MatingFeature, pair: MountPair) -> list[Mismatch] | None:
+    mismatches = first.meets(second, pair)
+    swapped = second.meets(first, pair) if mismatches is None else None
+    return mismatches if swapped is None else [(mine, theirs, comparison) for theirs, mine, comparison in swapped]
 
 
 def nominal(thread: str) -> float | None:

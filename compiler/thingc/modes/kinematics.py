@@ -38,14 +38,14 @@ class Kinematics:
         self.gathered = np.array([column.get(name, count + row) for name, row in place.items()], dtype=int)
         self.number = {link.name: number for number, link in enumerate(links)}
         self.of_link = np.zeros(len(links), dtype=int)
-        self._before: list[int] = []
+        self._previous: list[int] = []
         self._mask = np.zeros((len(links), 6 + count))
         self._mask[:, :6] = 1.0
         self._place = np.tile(np.eye(4), (len(links), 1, 1))  # the pose of each link in the frame that moves it
         self._fixed = any(link.fixed_to is not None for link in links)
         for k, joint in enumerate(joints):
             self._fix(links, joint.parent)
-            self._before.append(int(self.of_link[joint.parent]) if joint.first else k)
+            self._previous.append(int(self.of_link[joint.parent]) if joint.first else k)
             self.of_link[joint.child] = k + 1
             if joint.first:
                 self._mask[joint.child] = self._mask[joint.parent]
@@ -55,21 +55,21 @@ class Kinematics:
         moves = [np.zeros((3, 4, 4)) if joint.ball else generators(joint.twist) for joint in joints]
         self._X_PJ = [self._place[joint.parent] @ joint.X_PJ if joint.first else joint.X_PJ for joint in joints]
         X_PJ, X_JL = (np.array(poses).reshape(-1, 1, 4, 4) for poses in (self._X_PJ, [joint.X_JL for joint in joints]))
-        self._motion = np.moveaxis(X_PJ @ np.array([[np.eye(4), *own] for own in moves]).reshape(-1, 4, 4, 4) @ X_JL, 0, 1)
+        self._motion = np.moveaxis(X_PJ @ np.array([[np.eye(4), *terms] for terms in moves]).reshape(-1, 4, 4, 4) @ X_JL, 0, 1)
         self._offset = np.array([joint.offset for joint in joints])
         self._balls = [
             (np.arange(count).reshape(-1, 1, 1) == k, [column[name] for name in joint.ball.coordinates], joint, self._X_PJ[k])
             for k, joint in enumerate(joints) if joint.ball is not None and joint.name == joint.ball.coordinates[0]
         ]
         # The axes of a reversed ball are fixed in the frame before it. The axes of other joints are fixed in the frame after it.
-        self._carrier = np.array([self._before[k] if joint.reversed else k + 1 for k, joint in enumerate(joints)], dtype=int)
+        self._carrier = np.array([self._previous[k] if joint.reversed else k + 1 for k, joint in enumerate(joints)], dtype=int)
         axes = [moved_twist(X if joint.reversed else inverse(joint.X_JL), joint.twist) for X, joint in zip(self._X_PJ, joints, strict=True)]
         self._axes = np.array(axes).reshape(-1, 2, 3)
         self._coupled = np.zeros((6 + count, 6 + count))  # the inertia of tendons in the mass matrix
         for inertia, factors in mode.tendons:
             row = np.array([0.0] * 6 + [factors.get(joint.name, 0.0) for joint in joints])
             self._coupled += inertia * np.outer(row, row)
-        self._leaders(mode, column)
+        self._find_leaders(mode, column)
 
     def _fix(self, links: Sequence[Link], number: int) -> None:
         """Place a link without joints in the frame of its parent. For any other link, do nothing."""
@@ -79,38 +79,38 @@ class Kinematics:
             self.of_link[number], self._mask[number] = self.of_link[parent], self._mask[parent]
             self._place[number] = self._place[parent] @ inverse(links[parent].X_root_link) @ links[number].X_root_link
 
-    def _leaders(self, mode: Mode, column: dict[str, int]) -> None:
+    def _find_leaders(self, mode: Mode, column: dict[str, int]) -> None:
         """For the method `coupling`, find the coordinate that each mimic joint follows, directly or through other mimic joints."""
         chains: list[list[Any]] = []
-        last = []
+        columns = []
         for joint in mode.joints:
             chain = []
             while joint.mimic is not None and joint.mimic.joint in column:
                 chain.append((joint.mimic, column[joint.mimic.joint]))
                 joint = mode.joints[column[joint.mimic.joint]]
             chains.append(chain)
-            last.append(column[joint.name])
+            columns.append(column[joint.name])
         free = [k for k, chain in enumerate(chains) if not chain]
         self._chains = chains
-        self._pattern = np.array([[float(k == one) for one in free] for k in last]).reshape(len(last), len(free))
+        self._pattern = np.array([[float(k == f) for f in free] for k in columns]).reshape(len(columns), len(free))
 
     def frames(self, base: Array, q: Array, xp: Any) -> Array:
         """Return the poses (m + 1, 4, 4) of all frames in the world, for a root link with the pose `base` and joint coordinates `q` (m,).
 
         The pose of each frame is `X_WL = X_WP X_PJ exp(twist (q + offset)) X_JL`, where `X_WP` is the pose of the previous frame.
         """
-        still, turn, versine, slide = self._motion
+        constant, turn, versine, slide = self._motion
         angle = (q + self._offset)[:, None, None]
-        motions = still + xp.sin(angle) * turn + xp.sin(angle / 2.0) ** 2 * versine + angle * slide
-        for here, rows, joint, X_PJ in self._balls:
+        motions = constant + xp.sin(angle) * turn + xp.sin(angle / 2.0) ** 2 * versine + angle * slide
+        for is_ball, rows, joint, X_PJ in self._balls:
             vector = xp.stack([q[row] for row in rows])
             turned = rotation(-vector if joint.reversed else vector, xp)
-            whole = xp.concatenate([xp.concatenate([turned, np.zeros((3, 1))], axis=1), np.eye(4)[3:]])
-            motions = xp.where(here, X_PJ @ whole @ joint.X_JL, motions)
-        found = [base]
-        for k, before in enumerate(self._before):
-            found.append(found[before] @ motions[k])
-        frames: Array = xp.asarray(found)
+            motion = xp.concatenate([xp.concatenate([turned, np.zeros((3, 1))], axis=1), np.eye(4)[3:]])
+            motions = xp.where(is_ball, X_PJ @ motion @ joint.X_JL, motions)
+        poses = [base]
+        for k, previous in enumerate(self._previous):
+            poses.append(poses[previous] @ motions[k])
+        frames: Array = xp.asarray(poses)
         return frames
 
     def poses(self, frames: Array) -> Array:
@@ -124,9 +124,9 @@ class Kinematics:
         The linear velocity is the velocity of the point at the origin of the root link. Both velocities are in world axes.
         """
         carrier = frames[self._carrier]
-        both = self._axes @ carrier[:, :3, :3].swapaxes(1, 2)
-        spin = both[:, 0]
-        return spin, both[:, 1] + cross(carrier[:, :3, 3] - frames[0, :3, 3], spin)
+        velocities = self._axes @ carrier[:, :3, :3].swapaxes(1, 2)
+        spin = velocities[:, 0]
+        return spin, velocities[:, 1] + cross(carrier[:, :3, 3] - frames[0, :3, 3], spin)
 
     def twists(self, frames: Array, u: Array, xp: Any) -> Array:
         """Return the twists (n, 6) of all links.
@@ -151,9 +151,9 @@ class Kinematics:
             xp.concatenate([np.eye(3), np.zeros((3, 3)), linear.T], axis=1),
             xp.concatenate([np.zeros((3, 3)), frames[0, :3, :3], spin.T], axis=1),
         ]
-        at_root, angular = (one * self._mask[:, None] for one in moved)
-        away = self.poses(frames)[:, :3, 3] - frames[0, :3, 3]
-        jacobians: Array = xp.concatenate([at_root - cross_matrix(away) @ angular, angular], axis=1)
+        at_root, angular = (part * self._mask[:, None] for part in moved)
+        offset = self.poses(frames)[:, :3, 3] - frames[0, :3, 3]
+        jacobians: Array = xp.concatenate([at_root - cross_matrix(offset) @ angular, angular], axis=1)
         return jacobians
 
     def mass_matrix(self, frames: Array, jacobians: Array, inertias: Inertias, xp: Any) -> Array:
@@ -166,8 +166,8 @@ class Kinematics:
         linear = jacobians[:, :3] - cross_matrix((R @ inertias.centre[:, :, None])[:, :, 0]) @ angular
         forces = [inertias.mass[:, None, None] * linear, R @ inertias.inertia @ R.swapaxes(1, 2) @ angular]
         size = jacobians.shape[2]
-        moved, by = (xp.concatenate(pair, axis=1).reshape(-1, size) for pair in ([linear, angular], forces))
-        matrix: Array = moved.T @ by + xp.diag(xp.concatenate([np.zeros(6), inertias.armature])) + self._coupled
+        moved, weighted = (xp.concatenate(pair, axis=1).reshape(-1, size) for pair in ([linear, angular], forces))
+        matrix: Array = moved.T @ weighted + xp.diag(xp.concatenate([np.zeros(6), inertias.armature])) + self._coupled
         return matrix
 
     def coupling(self, q: Array, xp: Any) -> Array:

@@ -58,8 +58,8 @@ def map_model(mode: Mode, model: Any) -> ModelMap:
 
     Raises `WrongData` if the model differs from the mode in its links, their parents, its base, or the poses of links, joints or mounts.
     """
-    found: ModelMap = _from_cache(_new_map, mode, model)
-    return found
+    model_map: ModelMap = _from_cache(_new_map, mode, model)
+    return model_map
 
 
 def _from_cache(make: Callable[[Mode, Any], Any], mode: Mode, model: Any) -> Any:
@@ -99,7 +99,7 @@ def _new_map(mode: Mode, model: Any) -> ModelMap:
         base = (range(first, first + size) for first, size in zip(joints["root"], (4, 3), strict=True))
     elif mode.part is not None:
         base = zip(*(joints[name] for name in mode.part.joints), strict=True)
-    positions, speeds = (np.array(list(own), dtype=int) for own in base)
+    positions, speeds = (np.array(list(addresses), dtype=int) for addresses in base)
     actuators = [(model.actuator(number).name, number) for number in range(model.nu)]
     return ModelMap(
         addresses=Addresses(mode, joints), joints=joints, base=(positions, speeds),
@@ -114,8 +114,8 @@ def check(mode: Mode, model: Any) -> None:
     Raises `WrongData` if the model differs from the mode in its links, their parents, its base, or the poses of links, joints or mounts.
     """
     body_of = _bodies(mode, model)
-    wanted = [*(link.name for link in mode.links), *(hold.anchor for hold in mode.holds)]
-    missing = next((name for name in wanted if name not in body_of), None)
+    names = [*(link.name for link in mode.links), *(hold.anchor for hold in mode.holds)]
+    missing = next((name for name in names if name not in body_of), None)
     if missing is not None:
         raise WrongData(f"the data for mode `{mode.name}` belongs to a model without a link `{missing}`")
     root, links = body_of[mode.root_link], {body_of[link.name] for link in mode.links}
@@ -123,18 +123,18 @@ def check(mode: Mode, model: Any) -> None:
     free = "ball" if model.body_dofnum[root] == 3 else "free"
     base = "held" if model.body_mocapid[root] >= 0 else "fixed" if model.body_dofnum[root] == 0 else (
         "planar" if "root_0" in joints else free)
-    trees = all(
+    same_tree = all(
         joint.in_data in joints and model.jnt_bodyid[joints[joint.in_data]] == body_of[mode.links[joint.child].name]
         and (0 if joint.kind == "free" else body_of[mode.links[joint.parent].name]) in (
             _link_above(model, body_of[mode.links[joint.child].name], links), body_of[mode.links[joint.child].name],
         )
         for joint in mode.joints
     )
-    if base != mode.base or not trees or (base == "free" and model.jnt_type[model.body_jntadr[root]] != FREE):
-        stands = next((name for name, number in body_of.items() if number and model.body_parentid[number] == 0), "nothing")
+    if base != mode.base or not same_tree or (base == "free" and model.jnt_type[model.body_jntadr[root]] != FREE):
+        root_found = next((name for name, number in body_of.items() if number and model.body_parentid[number] == 0), "nothing")
         raise WrongData(
             f"the data for mode `{mode.name}` belongs to the model of another mode: expected a {mode.base} `{mode.root_link}`, found "
-            f"`{stands}` under the world"
+            f"`{root_found}` under the world"
         )
     if (elsewhere := find_displaced(mode, model, body_of)) is not None:
         raise WrongData(
@@ -148,38 +148,38 @@ def _link_above(model: Any, body: int, links: Collection[int]) -> int:
 
     The function skips bodies that are not links, such as the bodies that `--compat drake` adds.
     """
-    above = int(model.body_parentid[body])
-    while above and above not in links:
-        above = int(model.body_parentid[above])
-    return above
+    ancestor = int(model.body_parentid[body])
+    while ancestor and ancestor not in links:
+        ancestor = int(model.body_parentid[ancestor])
+    return ancestor
 
 
-def read_state(mode: Mode, found: ModelMap, data: Any) -> State[Array]:
+def read_state(mode: Mode, model_map: ModelMap, data: Any) -> State[Array]:
     """Read the state of a robot in the given mode from a `mujoco.MjData`.
 
     Raises `ModesError` if the state contains NaN or infinite numbers.
     """
     twist: Array = np.zeros(6)
     qpos, qvel = data.qpos, data.qvel
-    positions, speeds = (values[own] for values, own in zip((qpos, qvel), found.base, strict=True))
+    positions, speeds = (values[addresses] for values, addresses in zip((qpos, qvel), model_map.base, strict=True))
     if mode.base == "free":
         X, twist = pose(rotation_of(positions[3:]), positions[:3]), speeds
     elif mode.part is not None:
         X = mode.part.pose(positions)
         twist = mode.part.twist(X, speeds)
     elif mode.base == "held":
-        X = pose(rotation_of(data.mocap_quat[found.mocap]), data.mocap_pos[found.mocap])
+        X = pose(rotation_of(data.mocap_quat[model_map.mocap]), data.mocap_pos[model_map.mocap])
     else:
         X = fixed_root_pose(mode, data)
-    q, v = found.addresses.read(qpos, qvel)
-    free_joints.read(mode, State(X, twist, q, v), qpos, qvel, found.joints)
+    q, v = model_map.addresses.read(qpos, qvel)
+    free_joints.read(mode, State(X, twist, q, v), qpos, qvel, model_map.joints)
     for name, values in (("base_pose", X), ("base_twist", twist), ("q", q), ("v", v)):
         if not np.isfinite(values).all():
             raise ModesError(f"`{name}` has numbers that are not finite")
     return State(X, twist, q, v)
 
 
-def write_state(mode: Mode, state: State[Array], found: ModelMap, data: Any) -> None:
+def write_state(mode: Mode, state: State[Array], model_map: ModelMap, data: Any) -> None:
     """Write a state of a robot in the given mode to a `mujoco.MjData`.
 
     The function changes only `qpos`, `qvel` and the mocap pose of the robot.
@@ -187,13 +187,13 @@ def write_state(mode: Mode, state: State[Array], found: ModelMap, data: Any) -> 
     position, quaternion = state.base[:3, 3], quaternion_of(state.base[:3, :3])
     qpos, qvel = data.qpos, data.qvel
     if mode.base == "free":
-        qpos[found.base[0]], qvel[found.base[1]] = np.concatenate([position, quaternion]), state.twist
+        qpos[model_map.base[0]], qvel[model_map.base[1]] = np.concatenate([position, quaternion]), state.twist
     elif mode.part is not None:
-        qpos[found.base[0]], qvel[found.base[1]] = mode.part.qpos(state.base), mode.part.qvel(state.base, state.twist)
+        qpos[model_map.base[0]], qvel[model_map.base[1]] = mode.part.qpos(state.base), mode.part.qvel(state.base, state.twist)
     elif mode.base == "held":
-        data.mocap_pos[found.mocap], data.mocap_quat[found.mocap] = position, quaternion
-    found.addresses.write(state.q, state.v, qpos, qvel)
-    free_joints.write(mode, state, qpos, qvel, found.joints)
+        data.mocap_pos[model_map.mocap], data.mocap_quat[model_map.mocap] = position, quaternion
+    model_map.addresses.write(state.q, state.v, qpos, qvel)
+    free_joints.write(mode, state, qpos, qvel, model_map.joints)
 
 
 def carry(modes: tuple[Mode, Mode], maps: tuple[ModelMap, ModelMap], source: Any, target: Any) -> tuple[str, ...]:
@@ -205,48 +205,49 @@ def carry(modes: tuple[Mode, Mode], maps: tuple[ModelMap, ModelMap], source: Any
     target.time = source.time
     old, new = maps
     _warm_start(modes, maps, source, target)
-    common = [(old.actuators[name], own) for name, own in new.actuators.items() if name in old.actuators]
+    common = [(old.actuators[name], entry) for name, entry in new.actuators.items() if name in old.actuators]
     if common:
-        target.ctrl[[there[0] for _, there in common]] = source.ctrl[[here[0] for here, _ in common]]
-    for (_, here, size), (_, there, count) in common:
+        target.ctrl[[new_entry[0] for _, new_entry in common]] = source.ctrl[[old_entry[0] for old_entry, _ in common]]
+    for (_, old_entry, size), (_, new_entry, count) in common:
         if size == count:
-            target.act[there : there + size] = source.act[here : here + size]
-    for name, (there, _, _) in new.actuators.items():
-        _carry_history(old.actuators.get(name, (-1, 0, 0))[0], there, source, target)
+            target.act[new_entry : new_entry + size] = source.act[old_entry : old_entry + size]
+    for name, (new_entry, _, _) in new.actuators.items():
+        _carry_history(old.actuators.get(name, (-1, 0, 0))[0], new_entry, source, target)
     return tuple([name for name in new.actuators if name not in old.actuators])
 
 
-def _carry_history(here: int, there: int, source: Any, target: Any) -> None:
-    """Copy the past controls of a delayed actuator, whose numbers in the two models are `here` and `there`.
+def _carry_history(old_number: int, new_number: int, source: Any, target: Any) -> None:
+    """Copy the past controls of a delayed actuator, whose numbers in the two models are `old_number` and `new_number`.
 
-    An actuator that only the new mode has (`here` is -1) gets its current control as past control. Times are those of the new time step.
+    For an actuator that only the new mode has (`old_number` is -1), the past controls are the current control. Times are those of the new
+    time step.
     """
-    (count, _), first = target.model.actuator_history[there], int(target.model.actuator_historyadr[there]) + 1
+    (count, _), first = target.model.actuator_history[new_number], int(target.model.actuator_historyadr[new_number]) + 1
     if not count:
         return
-    times, values = target.time - target.model.opt.timestep * np.arange(count, 0, -1), np.full(count, target.ctrl[there])
-    if here >= 0 and (size := int(source.model.actuator_history[here, 0])):
-        past, past_values = np.split(source.history[int(source.model.actuator_historyadr[here]) + 2 :][: 2 * size], 2)
-        order = np.argsort(past)
-        values = past_values[order][np.maximum(np.searchsorted(past[order], times + 1e-9, side="right") - 1, 0)]
+    times, values = target.time - target.model.opt.timestep * np.arange(count, 0, -1), np.full(count, target.ctrl[new_number])
+    if old_number >= 0 and (size := int(source.model.actuator_history[old_number, 0])):
+        past_times, past_values = np.split(source.history[int(source.model.actuator_historyadr[old_number]) + 2 :][: 2 * size], 2)
+        order = np.argsort(past_times)
+        values = past_values[order][np.maximum(np.searchsorted(past_times[order], times + 1e-9, side="right") - 1, 0)]
     target.history[first : first + 1 + 2 * count] = [count - 1, *times, *values]
 
 
 def _warm_start(modes: tuple[Mode, Mode], maps: tuple[ModelMap, ModelMap], source: Any, target: Any) -> None:
-    (old, new), (here, there) = modes, maps
-    accelerations, started = source.qacc_warmstart, target.qacc_warmstart
-    started[there.base[1]] = 0.0
+    (old, new), (old_map, new_map) = modes, maps
+    accelerations, warm_start = source.qacc_warmstart, target.qacc_warmstart
+    warm_start[new_map.base[1]] = 0.0
     names = {joint.name for joint in old.joints}
     for joint in new.joints:
         for name in joint.in_model:
-            first = there.joints[name][1]
+            first = new_map.joints[name][1]
             if joint.ball is not None or joint.kind == "free":
-                started[first : first + 6 if joint.kind == "free" else first + 3] = 0.0
+                warm_start[first : first + 6 if joint.kind == "free" else first + 3] = 0.0
             else:
-                started[first] = accelerations[here.joints[name][1]] if joint.name in names else 0.0
+                warm_start[first] = accelerations[old_map.joints[name][1]] if joint.name in names else 0.0
 
 
-def hold_here(mode: Mode, poses: Array, found: ModelMap, data: Any) -> None:
+def hold_here(mode: Mode, poses: Array, model_map: ModelMap, data: Any) -> None:
     """Move the mocap bodies of held mounts, so that the mode holds these mounts at their current poses.
 
     The mocap body of the root mount does not move. `poses` contains the poses (n, 4, 4) of all links in the world. If a hold allows
@@ -254,7 +255,7 @@ def hold_here(mode: Mode, poses: Array, found: ModelMap, data: Any) -> None:
     """
     if mode.base == "fixed":
         return
-    for hold, number in zip(mode.holds, found.anchors, strict=True):
+    for hold, number in zip(mode.holds, model_map.anchors, strict=True):
         X = poses[hold.link]
         data.mocap_pos[number] = (X @ hold.X_LM)[:3, 3] if hold.turns else X[:3, 3]
         data.mocap_quat[number] = (1.0, 0.0, 0.0, 0.0) if hold.turns else quaternion_of(X[:3, :3])
@@ -276,12 +277,12 @@ def inertias(mode: Mode, data: Any) -> Inertias:
 
 def inertias_in(arrays: Any, rows: tuple[Any, Any, Any], xp: Any) -> Inertias:
     """Return the inertias of all links from the arrays of a MuJoCo or MJX model. `rows` is the result of `inertia_rows`."""
-    bodies, own, dofs = rows
+    bodies, has_body, dofs = rows
     R = rotation_of(arrays.body_iquat[bodies], xp)
     return Inertias(
-        mass=arrays.body_mass[bodies] * own,
-        centre=arrays.body_ipos[bodies] * own[:, None],
-        inertia=(R * arrays.body_inertia[bodies][:, None]) @ R.swapaxes(1, 2) * own[:, None, None],
+        mass=arrays.body_mass[bodies] * has_body,
+        centre=arrays.body_ipos[bodies] * has_body[:, None],
+        inertia=(R * arrays.body_inertia[bodies][:, None]) @ R.swapaxes(1, 2) * has_body[:, None, None],
         armature=arrays.dof_armature[dofs],
     )
 
@@ -293,16 +294,16 @@ def inertia_rows(mode: Mode, model: Any) -> tuple[Any, Any, Any]:
     links. A massless intermediate link does not have a body of its own, so the array contains the number of the next body. The third array
     contains the number of the degree of freedom of each joint.
     """
-    found: tuple[Any, Any, Any] = _from_cache(_weights, mode, model)
-    return found
+    rows: tuple[Any, Any, Any] = _from_cache(_weights, mode, model)
+    return rows
 
 
 def _weights(mode: Mode, model: Any) -> tuple[Any, Any, Any]:
     body_of = _bodies(mode, model)
     bodies = [body_of[link.name] for link in mode.links]
-    own = [model.body(body).name == link.name for body, link in zip(bodies, mode.links, strict=True)]
+    has_body = [model.body(body).name == link.name for body, link in zip(bodies, mode.links, strict=True)]
     dofs = [int(model.joint(joint.in_data).dofadr[0]) for joint in mode.joints]
-    return np.array(bodies), np.array(own), np.array(dofs, dtype=int)
+    return np.array(bodies), np.array(has_body), np.array(dofs, dtype=int)
 
 
 def _bodies(mode: Mode, model: Any) -> dict[str, int]:

@@ -56,7 +56,7 @@ def parse(text: str | bytes, name: str = FILE) -> dict[str, Mode]:
 def _coordinates(described: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the names of all joint coordinates of a mode: first those of joints in the tree, then those of loop-closing joints."""
     joints = [*described.get("joints", ()), *described.get("cuts", ())]
-    return tuple(str(one["name"]) for joint in joints for one in joint["coordinates"])
+    return tuple(str(coordinate["name"]) for joint in joints for coordinate in joint["coordinates"])
 
 
 def _mode(name: str, described: Mapping[str, Any], order: tuple[str, ...]) -> Mode:
@@ -87,7 +87,7 @@ def _mode(name: str, described: Mapping[str, Any], order: tuple[str, ...]) -> Mo
         X_world_root=X_world_root,
         links=links,
         coordinates=order,
-        joints=tuple(joint for one in described["joints"] for joint in _joints(one, index)),
+        joints=tuple(coordinate for joint in described["joints"] for coordinate in _joints(joint, index)),
         named=MappingProxyType({pose: MappingProxyType(dict(q)) for pose, q in described["poses"].items()}),
         holds=tuple(
             Hold(
@@ -100,14 +100,14 @@ def _mode(name: str, described: Mapping[str, Any], order: tuple[str, ...]) -> Mo
             Cut(
                 name=str(cut["name"]), kind=str(cut["kind"]), parent=index[cut["parent"]], child=index[cut["child"]],
                 X_PA=_array(cut["X_PA"], 4, 4), X_CB=_array(cut["X_CB"], 4, 4),
-                coordinates=tuple(str(one["name"]) for one in cut["coordinates"]),
-                twists=_array([[*one["angular"], *one["linear"]] for one in cut["coordinates"]], len(cut["coordinates"]), 6),
+                coordinates=tuple(str(coordinate["name"]) for coordinate in cut["coordinates"]),
+                twists=_array([[*twist["angular"], *twist["linear"]] for twist in cut["coordinates"]], len(cut["coordinates"]), 6),
             )
             for cut in described.get("cuts", ())
         ),
         bases=MappingProxyType({pose: _array(rows, 4, 4) for pose, rows in described.get("bases", {}).items()}),
         standing_on=tuple(str(path) for path in described.get("standing_on", ())),
-        tendons=tuple((float(one), described["tendons"][path]) for path, one in described.get("tendon_armature", {}).items()),
+        tendons=tuple((float(inertia), described["tendons"][path]) for path, inertia in described.get("tendon_armature", {}).items()),
     )
 
 
@@ -116,39 +116,39 @@ def _joints(described: Mapping[str, Any], index: Mapping[str, int]) -> Iterator[
 
     If the tree traverses the joint from child to parent, the order of the coordinates is reversed and their motions are inverted.
     """
-    back = bool(described["reversed"])
-    before, after = _array(described["X_PJ"], 4, 4), inverse(_array(described["X_CJ"], 4, 4))
-    if back:
-        before, after = inverse(after), inverse(before)
-    coordinates = described["coordinates"][::-1] if back else described["coordinates"]
-    last = len(coordinates) - 1
+    is_reversed = bool(described["reversed"])
+    to_parent, to_child = _array(described["X_PJ"], 4, 4), inverse(_array(described["X_CJ"], 4, 4))
+    if is_reversed:
+        to_parent, to_child = inverse(to_child), inverse(to_parent)
+    coordinates = described["coordinates"][::-1] if is_reversed else described["coordinates"]
+    last_number = len(coordinates) - 1
     ball = None
     if described["kind"] in ("ball", "free"):
         ball = Ball(
-            name=str(described["name"]), coordinates=tuple(str(one["name"]) for one in described["coordinates"][-3:]), reversed=back,
-            R=_freeze(-after[:3, :3].T if back else after[:3, :3].T),
+            name=str(described["name"]), coordinates=tuple(str(coordinate["name"]) for coordinate in described["coordinates"][-3:]),
+            reversed=is_reversed, R=_freeze(-to_child[:3, :3].T if is_reversed else to_child[:3, :3].T),
         )
-    for number, one in enumerate(coordinates):
-        mimic, twist = one["mimic"], _array([*one["angular"], *one["linear"]], 6)
+    for number, coordinate in enumerate(coordinates):
+        mimic, twist = coordinate["mimic"], _array([*coordinate["angular"], *coordinate["linear"]], 6)
         yield Joint(
-            name=str(one["name"]),
+            name=str(coordinate["name"]),
             kind=str(described["kind"]),
             parent=index[described["parent"]],
             child=index[described["child"]],
             first=number == 0,
-            X_PJ=_freeze(before) if number == 0 else NOWHERE,
-            twist=_freeze(-twist) if back else twist, X_JL=_freeze(after) if number == last else NOWHERE,
-            offset=float(one["offset"]),
-            reversed=back,
-            armature=float(one["armature"]),
+            X_PJ=_freeze(to_parent) if number == 0 else NOWHERE,
+            twist=_freeze(-twist) if is_reversed else twist, X_JL=_freeze(to_child) if number == last_number else NOWHERE,
+            offset=float(coordinate["offset"]),
+            reversed=is_reversed,
+            armature=float(coordinate["armature"]),
             mimic=None if mimic is None else Mimic(
                 joint=str(mimic["joint"]), multiplier=float(mimic["multiplier"]), offset=float(mimic["offset"]),
-                higher=tuple(float(one) for one in mimic.get("higher", ())),
+                higher=tuple(float(factor) for factor in mimic.get("higher", ())),
             ),
-            in_model=MappingProxyType({str(name): float(ratio) for name, ratio in one["in_model"].items()}),
-            qpos=tuple(int(address) for address in one["qpos"]),
-            dof=tuple(int(address) for address in one["dof"]),
-            ball=ball if any(one["angular"]) else None,
+            in_model=MappingProxyType({str(name): float(ratio) for name, ratio in coordinate["in_model"].items()}),
+            qpos=tuple(int(address) for address in coordinate["qpos"]),
+            dof=tuple(int(address) for address in coordinate["dof"]),
+            ball=ball if any(coordinate["angular"]) else None,
         )
 
 

@@ -86,8 +86,8 @@ class Modes(Mapping[str, Mode]):
 
         Raises `UnknownMode` for an unknown mode, and `WrongData` if `data` belongs to another model.
         """
-        own = self[mode]
-        return own.robot_state(mjdata.read_state(own, mjdata.map_model(own, data.model), data))
+        read_mode = self[mode]
+        return read_mode.robot_state(mjdata.read_state(read_mode, mjdata.map_model(read_mode, data.model), data))
 
     def write(self, state: RobotState, data: Any) -> None:
         """Write a state of the robot to a `mujoco.MjData` of the same mode.
@@ -134,36 +134,36 @@ class Modes(Mapping[str, Mode]):
             raise ModesError(f"expected on_motion \"raise\", \"drop\" or \"impact\", found `{on_motion}`")
         old = self[source.mode if isinstance(source, RobotState) else source[0]]
         name, into_data = (target, None) if isinstance(target, str) else target
-        from_data = before = None
+        from_data = old_map = None
         if isinstance(source, RobotState):
             state = old.arrays(source)
         else:
             from_data = source[1]
-            before = mjdata.map_model(old, from_data.model)
-            state = mjdata.read_state(old, before, from_data)
+            old_map = mjdata.map_model(old, from_data.model)
+            state = mjdata.read_state(old, old_map, from_data)
         new = self[name]
-        after = None if into_data is None else mjdata.map_model(new, into_data.model)
-        moving = _place(change_root(state, old, new, np), new, into_data, tolerance)
-        stopped, poses, result = _stop_held(moving, new, on_motion, at_rest, partial(_known_inertias, new, inertias, into_data, from_data))
-        if after is None:
+        new_map = None if into_data is None else mjdata.map_model(new, into_data.model)
+        placed = _place_root(change_root(state, old, new, np), new, into_data, tolerance)
+        stopped, poses, result = _stop_held(placed, new, on_motion, at_rest, partial(_known_inertias, new, inertias, into_data, from_data))
+        if new_map is None:
             return result
-        mjdata.write_state(new, stopped, after, into_data)
-        mjdata.hold_here(new, poses, after, into_data)
-        if before is None:
+        mjdata.write_state(new, stopped, new_map, into_data)
+        mjdata.hold_here(new, poses, new_map, into_data)
+        if old_map is None:
             return result
-        return replace(result, uncommanded=mjdata.carry((old, new), (before, after), from_data, into_data))
+        return replace(result, uncommanded=mjdata.carry((old, new), (old_map, new_map), from_data, into_data))
 
 
-def _place(state: State[Array], mode: Mode, data: Any, tolerance: float) -> State[Array]:
+def _place_root(state: State[Array], mode: Mode, data: Any, tolerance: float) -> State[Array]:
     """Return a copy of the state in which the root link is at a pose that the mode allows.
 
     The MuJoCo model of `data`, if given, defines the pose of a fixed base; otherwise, the pose at the time of the build is used. Raises
     `BaseElsewhere` if the root link, or another link that a mode with a fixed base holds, is too far from a pose that the mode allows.
     """
-    place = mjdata.fixed_root_pose(mode, data) if mode.base == "fixed" and data is not None else None
-    state, placed = put_base(state, mode, place, np)
-    for link, X, there in placed:
-        distance, angle = map(float, difference(X, there))
+    fixed_pose = mjdata.fixed_root_pose(mode, data) if mode.base == "fixed" and data is not None else None
+    state, placed = put_base(state, mode, fixed_pose, np)
+    for link, X, allowed in placed:
+        distance, angle = map(float, difference(X, allowed))
         if max(distance, angle) > tolerance:
             raise BaseElsewhere(mode.name, mode.links[link].name, distance, angle, tolerance)
     return state
@@ -195,14 +195,14 @@ def _stop_held(
     holds = zip(mode.holds, removed[1:], impulses, strict=True)
     return state, poses, SwitchResult(
         state=mode.robot_state(state), removed=removed[0], impulse=impulse,
-        holds={hold.path: Impact(removed=own, impulse=given) for hold, own, given in holds},
+        holds={hold.path: Impact(removed=twist_removed, impulse=impulse_) for hold, twist_removed, impulse_ in holds},
     )
 
 
-def _known_inertias(mode: Mode, given: Inertias | None, *sources: Any) -> Inertias:
-    """Return the inertias `given` by the caller, else the inertias in the first `MjData` that is not None, else those in `modes.json`."""
-    if given is not None:
-        return given
+def _known_inertias(mode: Mode, inertias: Inertias | None, *sources: Any) -> Inertias:
+    """Return `inertias`, if not None, else the inertias in the first `MjData` that is not None, else those in `modes.json`."""
+    if inertias is not None:
+        return inertias
     data = next((data for data in sources if data is not None), None)
     return mode.inertias if data is None else mjdata.inertias(mode, data)
 

@@ -315,10 +315,10 @@ class Mode(OneLineRepr):
         """Convert a `RobotState` of this mode to a `State`, which contains arrays. The coordinates of joints that this mode cuts are 0."""
         if state.mode != self.name:
             raise ModesError(f"expected a state of mode `{self.name}`, found a state of mode `{state.mode}`: call `switch` first")
-        for what, values in (("q", state.q), ("v", state.v)):
+        for symbol, values in (("q", state.q), ("v", state.v)):
             missing = next((joint.name for joint in self.joints if joint.name not in values), None)
             if missing is not None:
-                raise ModesError(f"the state has no `{what}` of joint `{missing}`")
+                raise ModesError(f"the state has no `{symbol}` of joint `{missing}`")
         q, v = (np.array([values.get(name, 0.0) for name in self.coordinates]) for values in (state.q, state.v))
         return State(state.base_pose, state.base_twist, q, v)
 
@@ -332,23 +332,23 @@ class Mode(OneLineRepr):
 
     def _moving(self, state: RobotState) -> tuple[Kinematics, Array, Array]:
         """Return the kinematics of this mode, the poses of all frames, and the generalized velocity of the robot."""
-        kin, own = kinematics(self), self.arrays(state)
-        return kin, kin.frames(own.base, own.q[kin.rows], np), np.concatenate([own.twist, own.v[kin.rows]])
+        kin, arrays = kinematics(self), self.arrays(state)
+        return kin, kin.frames(arrays.base, arrays.q[kin.rows], np), np.concatenate([arrays.twist, arrays.v[kin.rows]])
 
     def _values(self, state: RobotState) -> tuple[Array, Array]:
         """Return the arrays `qpos` and `qvel` of this mode's MuJoCo model for a state."""
-        own = self.arrays(state)
+        arrays = self.arrays(state)
         qpos, qvel = np.zeros(0), np.zeros(0)
         if self.base == "free":
-            qpos, qvel = np.concatenate([own.base[:3, 3], quaternion_of(own.base[:3, :3])]), own.twist
+            qpos, qvel = np.concatenate([arrays.base[:3, 3], quaternion_of(arrays.base[:3, :3])]), arrays.twist
         elif self.part is not None:
-            qpos, qvel = self.part.qpos(own.base), self.part.qvel(own.base, own.twist)
+            qpos, qvel = self.part.qpos(arrays.base), self.part.qvel(arrays.base, arrays.twist)
         qpos, qvel = (
-            np.concatenate([base, np.zeros(len({one for joint in self.joints for one in getattr(joint, field)}))])
+            np.concatenate([base, np.zeros(len({address for joint in self.joints for address in getattr(joint, field)}))])
             for base, field in ((qpos, "qpos"), (qvel, "dof"))
         )
-        addresses = {name: one for joint in self.joints for name, *one in zip(joint.in_model, joint.qpos, joint.dof)}
-        Addresses(self, addresses).write(own.q, own.v, qpos, qvel)
+        addresses = {name: pair for joint in self.joints for name, *pair in zip(joint.in_model, joint.qpos, joint.dof)}
+        Addresses(self, addresses).write(arrays.q, arrays.v, qpos, qvel)
         first = {joint.in_data: (joint.qpos[0], joint.dof[0]) for joint in self.joints}
-        free_joints.write(self, own, qpos, qvel, first)
+        free_joints.write(self, arrays, qpos, qvel, first)
         return qpos, qvel

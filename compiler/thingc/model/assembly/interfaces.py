@@ -23,30 +23,33 @@ _NUMBER = re.compile(r"\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+")
 _HELP = "use mounts that fit together, or correct the `interface` of one of them"
 
 
-def check_interfaces(robot: Connected, laid: Collection[int], findings: LinkReport) -> None:
-    """Report each mate whose mounts do not fit together. `laid` contains the indices of mates from `at`, which do not connect mounts.
+def check_interfaces(robot: Connected, placed_by_at: Collection[int], findings: LinkReport) -> None:
+    """Report each mate whose mounts do not fit together.
 
-    A mate that `repeat` or a nested document creates several times is reported once.
+    `placed_by_at` contains the indices of mates from `at`, which do not connect mounts. A mate that `repeat` or a nested document creates
+    several times is reported once.
     """
-    said: set[tuple[Origin, str]] = set()
+    reported: set[tuple[Origin, str]] = set()
     for number, mate in enumerate(robot.mates):
         parent, child = robot.occurrences[mate.parent], robot.occurrences[mate.child]
-        if number in laid or not (parent.exact and child.exact):
+        if number in placed_by_at or not (parent.exact and child.exact):
             continue
-        one, other = parent.mounts[mate.parent_mount], child.mounts[mate.child_mount]
-        if not one.features or not other.features:
+        parent_mount, child_mount = parent.mounts[mate.parent_mount], child.mounts[mate.child_mount]
+        if not parent_mount.features or not child_mount.features:
             continue
-        pose = one.pose.inverse() @ mate.X_PJ @ mate.X_JC @ other.pose
+        pose = parent_mount.pose.inverse() @ mate.X_PJ @ mate.X_JC @ child_mount.pose
         twists = [joint.twist for joint in mate.joints]
         turns, slides = (any(any(getattr(twist, part)) for twist in twists) for part in ("angular", "linear"))
-        found = compare(one.features, other.features, MountPair(pose=pose, turns=turns, slides=slides))
-        here, there = mount_name(parent, mate.parent_mount), mount_name(child, mate.child_mount)
-        place = _place(mate.origin, parent, child)
-        if found and place not in said:
-            said.add(place)
-            words = "; ".join(f"{mine} on `{here}`, {theirs} on `{there}`" + (f" ({why})" if why else "") for mine, theirs, why in found)
+        mismatches = compare(parent_mount.features, child_mount.features, MountPair(pose=pose, turns=turns, slides=slides))
+        parent_name, child_name = mount_name(parent, mate.parent_mount), mount_name(child, mate.child_mount)
+        key = _copy_key(mate.origin, parent, child)
+        if mismatches and key not in reported:
+            reported.add(key)
+            details = "; ".join(
+                f"{a} on `{parent_name}`, {b} on `{child_name}`" + (f" ({reason})" if reason else "") for a, b, reason in mismatches
+            )
             findings.error(
-                Code.INTERFACE, f"`{there}` does not fit `{here}`: {words}", mate.origin, path=child.path, help=_HELP,
+                Code.INTERFACE, f"`{child_name}` does not fit `{parent_name}`: {details}", mate.origin, path=child.path, help=_HELP,
                 notes=(*_declaration_note(parent, mate.parent_mount), *_declaration_note(child, mate.child_mount)),
             )
 
@@ -62,21 +65,21 @@ def check_screws(robot: Connected, findings: LinkReport) -> None:
     for mate in fixed:
         pose = mate.X_PJ @ mate.X_JC
         rigid[mate.parent][mate.child], rigid[mate.child][mate.parent] = pose, pose.inverse()
-    said: set[tuple[Origin, str]] = set()
+    reported: set[tuple[Origin, str]] = set()
     for mate in fixed:
         ends = ((mate.child, mate.child_mount), (mate.parent, mate.parent_mount))
-        for (index, mount), (below, head) in (ends, ends[::-1]):
+        for (index, mount), (neighbour, head) in (ends, ends[::-1]):
             screw = robot.occurrences[index]
-            for shank in (one for one in screw.mounts[mount].features if isinstance(one, Shank)):
-                seat = (rigid[below][index] @ screw.mounts[mount].pose).inverse()
-                others = [(robot.occurrences[other], pose) for other, pose in rigid[below].items() if other != index]
-                holes = sorted(hole for part, pose in others for hole in _threaded_holes(part, seat @ pose))
-                words = _screw_fault(shank, *holes[0]) if holes else None
-                if words is not None and _place(mate.origin, screw) not in said:
-                    said.add(_place(mate.origin, screw))
-                    what = f"`{screw.path.replace('/', '.')}` on `{mount_name(robot.occurrences[below], head)}`"
+            for shank in (feature for feature in screw.mounts[mount].features if isinstance(feature, Shank)):
+                seat = (rigid[neighbour][index] @ screw.mounts[mount].pose).inverse()
+                parts = [(robot.occurrences[part], pose) for part, pose in rigid[neighbour].items() if part != index]
+                holes = sorted(hole for part, pose in parts for hole in _threaded_holes(part, seat @ pose))
+                fault = _screw_fault(shank, *holes[0]) if holes else None
+                if fault is not None and _copy_key(mate.origin, screw) not in reported:
+                    reported.add(_copy_key(mate.origin, screw))
+                    subject = f"`{screw.path.replace('/', '.')}` on `{mount_name(robot.occurrences[neighbour], head)}`"
                     help = "use a screw of another size, or correct the `depth` of the hole"
-                    findings.warn(Code.SCREW, f"{what} {words}", mate.origin, path=screw.path, help=help, allow=True)
+                    findings.warn(Code.SCREW, f"{subject} {fault}", mate.origin, path=screw.path, help=help, allow=True)
 
 
 def _threaded_holes(part: Occurrence, pose: Pose) -> Iterator[tuple[float, float, str, str]]:
@@ -85,12 +88,12 @@ def _threaded_holes(part: Occurrence, pose: Pose) -> Iterator[tuple[float, float
     `pose` is the pose of the part in the frame of the screw's head, with z along the shank.
     """
     for name, mount in part.mounts.items() if part.exact else ():
-        for one in mount.features:
-            if isinstance(one, Bolts) and one.depth is not None and (here := pose @ mount.pose).rotation[2][2] < -1.0 + 1e-9:
-                for x, y in one.points:
-                    u, v, w = here.apply((x, y, 0.0))
+        for feature in mount.features:
+            if isinstance(feature, Bolts) and feature.depth is not None and (hole_pose := pose @ mount.pose).rotation[2][2] < -1.0 + 1e-9:
+                for x, y in feature.points:
+                    u, v, w = hole_pose.apply((x, y, 0.0))
                     if hypot(u, v) <= SAME_PLACE and w >= -SAME:
-                        yield w, one.depth, one.thread, mount_name(part, name)
+                        yield w, feature.depth, feature.thread, mount_name(part, name)
 
 
 def _screw_fault(shank: Shank, distance: float, depth: float, thread: str, mount: str) -> str | None:
@@ -108,16 +111,16 @@ def _screw_fault(shank: Shank, distance: float, depth: float, thread: str, mount
 
 def check_declared(robot: Connected, findings: LinkReport) -> None:
     """Warn of each feature that a part class declares and that the geometry does not have. Each part is reported once."""
-    said: set[str] = set()
-    for one in robot.occurrences:
-        mounts = one.record.mounts if one.record is not None and one.definition.text not in said else {}
-        for name, words in [(name, words) for name, mount in mounts.items() for words in mount.contradictions]:
-            message = f"the mount `{name}` of `{one.definition.label}` declares {words}"
+    reported: set[str] = set()
+    for part in robot.occurrences:
+        mounts = part.record.mounts if part.record is not None and part.definition.text not in reported else {}
+        for name, declaration in [(name, declaration) for name, mount in mounts.items() for declaration in mount.contradictions]:
+            message = f"the mount `{name}` of `{part.definition.label}` declares {declaration}"
             help = "correct the `interface` of the mount, or the geometry of the part"
             if findings.warn(
-                Code.INTERFACE_GEOMETRY, message, one.origin, path=one.path, notes=_declaration_note(one, name), help=help, allow=True,
+                Code.INTERFACE_GEOMETRY, message, part.origin, path=part.path, notes=_declaration_note(part, name), help=help, allow=True,
             ):
-                said.add(one.definition.text)
+                reported.add(part.definition.text)
 
 
 def check_added_interfaces(assembly: Connected, measure: Callable[[Collection[str]], Mapping[str, Features]], report: Report) -> None:
@@ -126,15 +129,15 @@ def check_added_interfaces(assembly: Connected, measure: Callable[[Collection[st
     `measure` returns the features of B-reps by their digests. Meshes have no cylinders, and are not measured.
     """
     added = {
-        mount.origin[:1]: (one, name, mount, one.record.brep) for one in reversed(assembly.occurrences)
-        for name, mount in one.component.mounts.items() if mount.features and one.record is not None and one.record.brep is not None
-        and not one.definition.reference.lower().endswith((*MESH_SUFFIXES, ".3mf", ".off", ".gltf"))
+        mount.origin[:1]: (part, name, mount, part.record.brep) for part in reversed(assembly.occurrences)
+        for name, mount in part.component.mounts.items() if mount.features and part.record is not None and part.record.brep is not None
+        and not part.definition.reference.lower().endswith((*MESH_SUFFIXES, ".3mf", ".off", ".gltf"))
     }
     measured = measure({brep for *_, brep in added.values()}) if added else {}
-    for one, name, mount, brep in reversed(added.values()):
-        for words in contradictions(mount.features, mount.pose, measured[brep]):
+    for part, name, mount, brep in reversed(added.values()):
+        for declaration in contradictions(mount.features, mount.pose, measured[brep]):
             report.warn(
-                Code.INTERFACE_GEOMETRY, f"`{mount_name(one, name)}` declares {words}", mount.origin, path=one.path,
+                Code.INTERFACE_GEOMETRY, f"`{mount_name(part, name)}` declares {declaration}", mount.origin, path=part.path,
                 help="correct the `interface` or the pose of the mount", allow=True,
             )
 
@@ -144,9 +147,9 @@ def mount_name(occurrence: Occurrence, mount: str) -> str:
     return mount.replace("/", ".") if "/" in mount else f"{occurrence.path}.{mount}".replace("/", ".")
 
 
-def _place(origin: Origin, *occurrences: Occurrence) -> tuple[Origin, str]:
+def _copy_key(origin: Origin, *occurrences: Occurrence) -> tuple[Origin, str]:
     """Return a key that is equal for the copies of a mate that `repeat` or a nested document creates."""
-    return origin[:1], re.sub(r"\d+", "#", " ".join(one.component.name for one in occurrences))
+    return origin[:1], re.sub(r"\d+", "#", " ".join(occurrence.component.name for occurrence in occurrences))
 
 
 def _declaration_note(occurrence: Occurrence, mount: str) -> tuple[Note, ...]:
@@ -157,42 +160,42 @@ def _declaration_note(occurrence: Occurrence, mount: str) -> tuple[Note, ...]:
     return occurrence.written
 
 
-def check_expectations(robot: Connected, laid: Collection[int], findings: LinkReport) -> None:
+def check_expectations(robot: Connected, placed_by_at: Collection[int], findings: LinkReport) -> None:
     """Warn of each mount at which a component other than the expected one is attached.
 
-    `laid` contains the indices of mates from `at`, which do not connect mounts. An empty mount is accepted if the top document exports the
-    mount, because a parent assembly may use it.
+    `placed_by_at` contains the indices of mates from `at`, which do not connect mounts. An empty mount is accepted if the top document
+    exports the mount, because a parent assembly may use it.
     """
     occurrences = robot.occurrences
     open_mounts = {(mount.occurrence, mount.mount) for mount in robot.exported if "/" not in mount.path}
-    on: dict[tuple[int, str], list[tuple[int, str]]] = {}
+    mates_at: dict[tuple[int, str], list[tuple[int, str]]] = {}
     for number, mate in enumerate(robot.mates):
-        if number not in laid:
-            on.setdefault((mate.parent, mate.parent_mount), []).append((mate.child, mate.child_mount))
-            on.setdefault((mate.child, mate.child_mount), []).append((mate.parent, mate.parent_mount))
+        if number not in placed_by_at:
+            mates_at.setdefault((mate.parent, mate.parent_mount), []).append((mate.child, mate.child_mount))
+            mates_at.setdefault((mate.child, mate.child_mount), []).append((mate.parent, mate.parent_mount))
     for owner in occurrences:
         if owner.record is None:
             continue
         expected = owner.record.expectations
-        for one in expected:
-            sitting = [(occurrences[other], mount) for other, mount in on.get((owner.index, one.mount), ())]
-            if any(_is_expected(other, one, owner) and mount == one.child_mount for other, mount in sitting):
+        for expectation in expected:
+            attached = [(occurrences[index], mount) for index, mount in mates_at.get((owner.index, expectation.mount), ())]
+            if any(_is_expected(part, expectation, owner) and mount == expectation.child_mount for part, mount in attached):
                 continue
-            if not sitting and (owner.index, one.mount) in open_mounts:
+            if not attached and (owner.index, expectation.mount) in open_mounts:
                 continue
-            spoken_for = [e for e in expected if e.mount == one.mount]
-            others = [(o, m) for o, m in sitting if not any(_is_expected(o, e, owner) and m == e.child_mount for e in spoken_for)]
-            _warn_unexpected(owner, one, others, findings)
+            alternatives = [e for e in expected if e.mount == expectation.mount]
+            others = [(o, m) for o, m in attached if not any(_is_expected(o, e, owner) and m == e.child_mount for e in alternatives)]
+            _warn_unexpected(owner, expectation, others, findings)
 
 
-def _is_expected(other: Occurrence, expected: MountExpectation, owner: Occurrence) -> bool:
-    """Return whether `other` is the part that the part class expects at the mount.
+def _is_expected(part: Occurrence, expected: MountExpectation, owner: Occurrence) -> bool:
+    """Return whether `part` is the part that the class of `owner` expects at the mount.
 
     On a mirrored part, the mirror image of the expected part is required. For a symmetric part, the mirror image is the part itself.
     """
-    plain = other.definition.plain if owner.definition.mirror is not None else None
-    texts = (other.definition.text,) if plain is None else (other.definition.text, plain.text)
-    return other.record is not None and _round_definition(expected.text) in map(_round_definition, texts)
+    original = part.definition.plain if owner.definition.mirror is not None else None
+    texts = (part.definition.text,) if original is None else (part.definition.text, original.text)
+    return part.record is not None and _round_definition(expected.text) in map(_round_definition, texts)
 
 
 def _round_definition(definition: str) -> str:
@@ -200,20 +203,22 @@ def _round_definition(definition: str) -> str:
     return _NUMBER.sub(lambda number: f"{float(number[0]):.12g}", definition)
 
 
-def _warn_unexpected(owner: Occurrence, one: MountExpectation, others: Sequence[tuple[Occurrence, str]], findings: LinkReport) -> None:
-    name, wanted = owner.component.name, one.label
-    other, mount = next(((o, m) for o, m in others if _is_expected(o, one, owner)), others[0] if others else (None, ""))
-    found = other.definition.label if other is not None else ""
-    if other is not None and found == wanted:  # the labels are equal, because they do not show the digits that differ
-        wanted, found = one.text, other.definition.text
-    cut = f"`{name}.{one.mount}` expects `{wanted}`"
-    help = f"attach the mount `{one.child_mount}` of `{wanted}` to `{name}.{one.mount}`"
-    if other is None:
-        findings.warn(Code.EXPECTATION, f"{cut}, but nothing is attached to it", owner.origin, path=owner.path, help=help, allow=True)
+def _warn_unexpected(
+    owner: Occurrence, expectation: MountExpectation, found: Sequence[tuple[Occurrence, str]], findings: LinkReport,
+) -> None:
+    name, expected = owner.component.name, expectation.label
+    part, mount = next(((o, m) for o, m in found if _is_expected(o, expectation, owner)), found[0] if found else (None, ""))
+    label = part.definition.label if part is not None else ""
+    if part is not None and label == expected:  # the labels are equal, because they do not show the digits that differ
+        expected, label = expectation.text, part.definition.text
+    text = f"`{name}.{expectation.mount}` expects `{expected}`"
+    help = f"attach the mount `{expectation.child_mount}` of `{expected}` to `{name}.{expectation.mount}`"
+    if part is None:
+        findings.warn(Code.EXPECTATION, f"{text}, but nothing is attached to it", owner.origin, path=owner.path, help=help, allow=True)
         return
-    if _is_expected(other, one, owner):
-        message = f"{cut} with its mount `{one.child_mount}`, but `{other.component.name}` is attached with its mount `{mount}`"
+    if _is_expected(part, expectation, owner):
+        message = f"{text} with its mount `{expectation.child_mount}`, but `{part.component.name}` is attached with its mount `{mount}`"
     else:
-        message = f"{cut}, but `{other.component.name}` (`{found}`) is attached to it"
+        message = f"{text}, but `{part.component.name}` (`{label}`) is attached to it"
     notes = make_notes(f"`{name}` is defined here", owner.origin)
-    findings.warn(Code.EXPECTATION, message, other.origin, path=other.path, help=help, notes=notes, allow=True)
+    findings.warn(Code.EXPECTATION, message, part.origin, path=part.path, help=help, notes=notes, allow=True)

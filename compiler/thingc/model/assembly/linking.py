@@ -71,13 +71,13 @@ def link(
     tree = Tree(model, instances, findings)
     instances.report_failures()
     instances.report_materials()
-    mates, laid = mates_of(tree, memo)
+    mates, placed_by_at = mates_of(tree, memo)
     robot = _connect(tree, mates, memo)
     names = names_of(tree, robot)
     joints = tuple(joint for mate in mates for joint in mate.joints)
     driven = (one for one in robot.tendons if one.actuator is not None)
     tests = tests_of(tree, (*joints, *driven))
-    _check(robot, laid, findings)
+    _check(robot, placed_by_at, findings)
     known = not findings.incomplete or not (findings.earlier or findings.failed or any(loops_in(tree)))
     check_poses(tree, stated_joints(tree, joints), on_loops(len(robot.occurrences), mates), unset=known)
     base, at = tree.top.index, _rest(tree, mates, memo)
@@ -114,7 +114,7 @@ def _connect(tree: Tree, mates: tuple[Mate, ...], memo: Memo) -> Connected:
     )
 
 
-def _check(robot: Connected, laid: Collection[int], findings: LinkReport) -> None:
+def _check(robot: Connected, placed_by_at: Collection[int], findings: LinkReport) -> None:
     """Report errors in the parts and links of a robot."""
     check_contacts(robot.occurrences, findings)
     faulty = check_stated(robot, findings)
@@ -122,8 +122,8 @@ def _check(robot: Connected, laid: Collection[int], findings: LinkReport) -> Non
         # Check only complete assemblies, because an omitted component might have the mass or be on the mount.
         faulty += [occurrence.index for occurrence in robot.occurrences if not occurrence.sound]
         check_links(robot, faulty, findings)
-        check_expectations(robot, laid, findings)
-        check_interfaces(robot, laid, findings)
+        check_expectations(robot, placed_by_at, findings)
+        check_interfaces(robot, placed_by_at, findings)
         check_screws(robot, findings)
         check_declared(robot, findings)
 

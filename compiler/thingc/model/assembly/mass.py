@@ -34,13 +34,13 @@ class MassResult(FrozenStruct):
     estimate: str | None = None
 
 
-def merge_processes(over: Process | None, under: Process | None) -> Process | None:
-    """Merge the settings of two manufacturing processes. If both contain a setting, the value in `over` is used."""
-    if over is None or under is None:
-        return over if over is not None else under
-    stated = {name: value for name in Process.__struct_fields__ if (value := getattr(over, name)) is not None}
-    wrong = over.wrong | (under.wrong - stated.keys())
-    return replace(under, **{**stated, "origins": {**under.origins, **over.origins}, "wrong": wrong})
+def merge_processes(primary: Process | None, fallback: Process | None) -> Process | None:
+    """Merge the settings of two manufacturing processes. If both contain a setting, the value in `primary` is used."""
+    if primary is None or fallback is None:
+        return primary if primary is not None else fallback
+    specified = {name: value for name in Process.__struct_fields__ if (value := getattr(primary, name)) is not None}
+    invalid = primary.wrong | (fallback.wrong - specified.keys())
+    return replace(fallback, **{**specified, "origins": {**fallback.origins, **primary.origins}, "wrong": invalid})
 
 
 _NEEDED = {"skin": ("walls", "line_width"), "layers": ("walls", "line_width", "layer", "top", "bottom")}
@@ -58,7 +58,7 @@ def missing_keys(process: Process | None) -> tuple[str, ...]:
     return tuple(key for key in _NEEDED.get(estimate_of(process) or "", ()) if getattr(process, key) is None)
 
 
-def unsaid_keys(process: Process | None) -> tuple[str, ...]:
+def unspecified_keys(process: Process | None) -> tuple[str, ...]:
     """Return the missing process settings that must be reported to the user.
 
     Invalid settings are omitted, because they have already been reported. If `kind` or `estimate` is invalid, the result is empty.
@@ -99,8 +99,7 @@ def component_mass(component: Component, record: PartRecord | None, material: Ma
     """Compute the mass, the centre of mass and the inertia of a component in its own frame. Return None if the mass cannot be determined.
 
     `record` is the geometry record of the part (None for a frame). If the document overrides only the mass, the inertia is scaled. If the
-    document overrides only the centre of mass, the inertia is unchanged.
-    All inertias are about the centre of mass of the component.
+    document overrides only the centre of mass, the inertia is unchanged. All inertias are about the centre of mass of the component.
     """
     overrides = component.overrides
     matter, estimate = _matter(record, process_of(component, material), overrides)

@@ -42,12 +42,12 @@ def mates_of(tree: Tree, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
     the document, and then mates of nested assemblies. Mates with an invalid reference, which has been reported, are omitted.
     """
     mates: list[Mate] = []
-    laid: set[int] = set()
+    placed_by_at: set[int] = set()
     checked: set[int] = set()
     for instance, definition in tree.assemblies:
         if id(definition) not in checked:
             checked.add(id(definition))
-            _check_circles(instance, definition, tree.findings)
+            _check_cycles(instance, definition, tree.findings)
             _check_bases(instance, definition, tree.findings)
         for reference in definition.loose:
             tree.find(instance, reference)  # resolve both ends, so that both invalid references are reported
@@ -55,12 +55,12 @@ def mates_of(tree: Tree, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
             if isinstance(component.placement, Attach):
                 mates.extend(_attach_mates(tree, instance, component.placement, memo))
             elif isinstance(component.placement, At):
-                before = len(mates)
+                count = len(mates)
                 mates.extend(_placement_mates(tree, instance, component, component.placement, memo))
-                laid.update(range(before, len(mates)))
+                placed_by_at.update(range(count, len(mates)))
         for _, coordinates in groupby(definition.joints, key=lambda joint: joint.name.joint):
             mates.extend(_joint_mates(tree, instance, tuple(coordinates), memo))
-    return tuple(mates), frozenset(laid)
+    return tuple(mates), frozenset(placed_by_at)
 
 
 def _attach_mates(tree: Tree, instance: Instance, attach: Attach, memo: Memo) -> Iterator[Mate]:
@@ -71,12 +71,12 @@ def _attach_mates(tree: Tree, instance: Instance, attach: Attach, memo: Memo) ->
 
 
 def _placement_mates(tree: Tree, instance: Instance, component: Component, at: At, memo: Memo) -> Iterator[Mate]:
-    mine = Reference(path=(component.name,), mount="origin", origin=component.origin)
-    child, parent = tree.find(instance, mine), tree.find(instance, at.to)
+    origin = Reference(path=(component.name,), mount="origin", origin=component.origin)
+    child, parent = tree.find(instance, origin), tree.find(instance, at.to)
     if child is not None and parent is not None:
         place = ("mate", instance.within(component.name))
         path = instance.within(f"{component.name}{FIXED}") if at.keep else None
-        yield memo(place, _laid_on, parent, child, at.pose, at.origin + instance.origin, path)
+        yield memo(place, _mate_at_pose, parent, child, at.pose, at.origin + instance.origin, path)
 
 
 def _joint_mates(tree: Tree, instance: Instance, coordinates: Sequence[Joint], memo: Memo) -> Iterator[Mate]:
@@ -97,7 +97,7 @@ def _joint_mates(tree: Tree, instance: Instance, coordinates: Sequence[Joint], m
             help="use mounts of two different components", notes=make_notes("the child", joint.child.origin),
         )
         return
-    edges = tuple(joint_edge(tree, instance, one, one.twist) for one in coordinates if one.twist is not None)
+    edges = tuple(joint_edge(tree, instance, coordinate, coordinate.twist) for coordinate in coordinates if coordinate.twist is not None)
     path = instance.within(joint.name.joint.replace(".", "/"))
     origin = joint.origin + instance.origin
     yield memo(("joint", path), _mate, parent, child, joint, edges, origin, path)
@@ -126,62 +126,63 @@ def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[L
     """Report each joint that closes a loop although its mounts do not move relative to each other, and each free joint in a loop."""
     looping, groups = on_loops(len(link_of), mates), rigid_groups(len(links), link_of, mates)
     for mate in mates:
-        one, other = (link_of[end] for end in (mate.parent, mate.child))
+        parent, other = (link_of[end] for end in (mate.parent, mate.child))
         if mate.free and mate.loop is None and mate.joints[0].path in looping:
             findings.error(
                 Code.LOOP, f"joint `{mate.name}` is free, but in a loop, which would constrain it", mate.origin, path=mate.name,
                 help="remove the joint with `loop: true`, or use another `type`",
             )
-        if mate.loop is not None and not mate.free and other in groups[one]:
-            name = links[one].name
-            where = f"both of its mounts are on link `{name}`" if one == other else f"link `{links[other].name}` is fixed to link `{name}`"
+        if mate.loop is not None and not mate.free and other in groups[parent]:
+            name = links[parent].name
+            same = f"both of its mounts are on link `{name}`"
+            where = same if parent == other else f"link `{links[other].name}` is fixed to link `{name}`"
             findings.error(
                 Code.LOOP, f"joint `{mate.loop}` does not close a loop: {where}", mate.origin, path=mate.loop,
                 help="use mounts of two links that move relative to each other, or remove the joint",
-                notes=make_notes(f"link `{name}` is defined here", links[one].origin),
+                notes=make_notes(f"link `{name}` is defined here", links[parent].origin),
             )
 
 
-def _mate(parent: FoundMount, child: FoundMount, said: Attach | Joint, joints: tuple[JointEdge, ...], origin: Origin, path: str) -> Mate:
-    axis = said.axis if isinstance(said, Joint) else None
-    before, after = parent.pose, child.pose.inverse() if axis is not None else MATE @ child.pose.inverse()
-    if isinstance(said, Joint) and said.pose != NO_POSE:
-        before = before @ said.pose
-    if said.turn != 0.0:
-        before = before @ Twist(angular=axis or IDENTITY[2]).exponential(said.turn)
-    if said.gap != 0.0:
-        before = before @ (make_translation(0.0, 0.0, said.gap) if axis is None else Twist(linear=axis).exponential(said.gap))
-    if isinstance(said, Joint) and said.mirrored:
-        before, after = before @ UPSIDE_DOWN, UPSIDE_DOWN @ after
+def _mate(parent: FoundMount, child: FoundMount, attach: Attach | Joint, joints: tuple[JointEdge, ...], origin: Origin, path: str) -> Mate:
+    axis = attach.axis if isinstance(attach, Joint) else None
+    X_PJ, X_JC = parent.pose, child.pose.inverse() if axis is not None else MATE @ child.pose.inverse()
+    if isinstance(attach, Joint) and attach.pose != NO_POSE:
+        X_PJ = X_PJ @ attach.pose
+    if attach.turn != 0.0:
+        X_PJ = X_PJ @ Twist(angular=axis or IDENTITY[2]).exponential(attach.turn)
+    if attach.gap != 0.0:
+        X_PJ = X_PJ @ (make_translation(0.0, 0.0, attach.gap) if axis is None else Twist(linear=axis).exponential(attach.gap))
+    if isinstance(attach, Joint) and attach.mirrored:
+        X_PJ, X_JC = X_PJ @ UPSIDE_DOWN, UPSIDE_DOWN @ X_JC
     return Mate(
-        parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount=child.mount, X_PJ=before, X_JC=after,
-        joints=joints, origin=origin, name=path if joints or said.keep else None,
-        loop=path if isinstance(said, Joint) and said.loop else None, keep=said.keep,
-        base=isinstance(said, Joint) and said.base,
+        parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount=child.mount, X_PJ=X_PJ, X_JC=X_JC,
+        joints=joints, origin=origin, name=path if joints or attach.keep else None,
+        loop=path if isinstance(attach, Joint) and attach.loop else None, keep=attach.keep,
+        base=isinstance(attach, Joint) and attach.base,
     )
 
 
-def _laid_on(parent: FoundMount, child: FoundMount, pose: Pose, origin: Origin, path: str | None) -> Mate:
+def _mate_at_pose(parent: FoundMount, child: FoundMount, pose: Pose, origin: Origin, path: str | None) -> Mate:
     return Mate(
         parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount="origin",
         X_PJ=parent.pose @ pose, X_JC=child.pose.inverse(), joints=(), origin=origin, name=path, keep=path is not None,
     )
 
 
-def _stands_on(definition: AssemblyDefinition) -> dict[str, tuple[str, Origin]]:
+def _placements_of(definition: AssemblyDefinition) -> dict[str, tuple[str, Origin]]:
     """Return a mapping from each component to its parent component and the location of its placement."""
     names = {component.name for component in definition.components}
-    stands: dict[str, tuple[str, Origin]] = {}
+    placements: dict[str, tuple[str, Origin]] = {}
     for component in definition.components:
         if component.placement is not None and component.placement.to.path:
-            stands[component.name] = (component.placement.to.path[0], component.placement.origin)
+            placements[component.name] = (component.placement.to.path[0], component.placement.origin)
     for joint in definition.joints:
         if joint.child.path and joint.parent.path and not joint.loop and joint.child.path[0] != joint.parent.path[0]:
-            stands.setdefault(joint.child.path[0], (joint.parent.path[0], joint.origin))
-    return {name: on for name, on in stands.items() if name in names and on[0] in names}
+            placements.setdefault(joint.child.path[0], (joint.parent.path[0], joint.origin))
+    return {name: (parent, origin) for name, (parent, origin) in placements.items() if name in names and parent in names}
 
 
-def _check_circles(instance: Instance, definition: AssemblyDefinition, findings: LinkReport) -> None:
+def _check_cycles(instance: Instance, definition: AssemblyDefinition, findings: LinkReport) -> None:
     """Report each cycle of components that are placed relative to each other.
 
     If an earlier pass has reported that the assembly has no base, the cycle is not reported.
@@ -189,21 +190,21 @@ def _check_circles(instance: Instance, definition: AssemblyDefinition, findings:
     if findings.earlier and not unplaced_components(definition):
         findings.leave_out()
         return
-    stands = _stands_on(definition)
+    placements = _placements_of(definition)
     jointed = {joint.child.path[0] for joint in definition.joints if joint.child.path}
     order = {component.name: number for number, component in enumerate(definition.components)}
-    for circle in find_cycles(stands, lambda name: stands[name][0] if name in stands else None):
-        first = circle.index(min(circle, key=order.__getitem__))
-        circle = circle[first:] + circle[:first]
-        hops = ", ".join(f"`{member}` on `{stands[member][0]}`" for member in circle[:MAX_CIRCLE])
-        if len(circle) > MAX_CIRCLE:
-            hops += f" and {len(circle) - MAX_CIRCLE} more"
+    for cycle in find_cycles(placements, lambda name: placements[name][0] if name in placements else None):
+        first = cycle.index(min(cycle, key=order.__getitem__))
+        cycle = cycle[first:] + cycle[:first]
+        hops = ", ".join(f"`{member}` on `{placements[member][0]}`" for member in cycle[:MAX_CIRCLE])
+        if len(cycle) > MAX_CIRCLE:
+            hops += f" and {len(cycle) - MAX_CIRCLE} more"
         findings.leave_out()
         findings.error(
-            Code.PLACEMENT_CIRCLE, f"components are placed in a cycle: {hops}", stands[circle[0]][1] + instance.origin,
-            path=instance.within(circle[0]), help="place one of these components on a component outside the cycle" + (
-                "; if one of the joints closes a loop, add `loop: true` to the joint" if jointed & set(circle) else ""
-            ), notes=[note for member in circle[1:MAX_CIRCLE] for note in make_notes(f"`{member}` is placed here", stands[member][1])],
+            Code.PLACEMENT_CIRCLE, f"components are placed in a cycle: {hops}", placements[cycle[0]][1] + instance.origin,
+            path=instance.within(cycle[0]), help="place one of these components on a component outside the cycle" + (
+                "; if one of the joints closes a loop, add `loop: true` to the joint" if jointed & set(cycle) else ""
+            ), notes=[note for member in cycle[1:MAX_CIRCLE] for note in make_notes(f"`{member}` is placed here", placements[member][1])],
         )
 
 

@@ -24,7 +24,7 @@ from thingc.model.assembly.mass import (
     missing_keys,
     process_of,
     slicing_of,
-    unsaid_keys,
+    unspecified_keys,
 )
 from thingc.model.assembly.report import LinkReport, written_at
 from thingc.model.assembly.shape_links import Meshes, MissingDensity, list_shapes, warn_far, weigh_shapes
@@ -313,8 +313,8 @@ class PartInstances:
             )
         needs_density = record is not None and record.volume > 0.0 and record.mass is None and component.overrides.mass is None
         if needs_density and weighed is not None and missing_keys(process):
-            if unsaid := unsaid_keys(process):
-                self._report_missing_settings(use, unsaid)
+            if unspecified := unspecified_keys(process):
+                self._report_missing_settings(use, unspecified)
             else:
                 findings.leave_out()
             return None
@@ -400,7 +400,7 @@ class PartInstances:
 
         If the process belongs to a material, the error is reported once per material, otherwise once per component.
         """
-        of_material = use.material is not None and unsaid_keys(use.material.process)
+        of_material = use.material is not None and unspecified_keys(use.material.process)
         keys = of_material or missing
         listed = " and ".join(filter(None, (", ".join(f"`{key}`" for key in keys[:-1]), f"`{keys[-1]}`")))
         needed = {"walls", "line_width"} & set(keys)

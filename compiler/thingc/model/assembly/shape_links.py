@@ -39,7 +39,7 @@ def list_shapes(definition: LinkDefinition, material: Material | None, meshes: M
         drawn=tuple(surface for shape in definition.shapes if shape.drawn for surface in _surfaces(shape, material, meshes)),
         touching=tuple(surface for shape in definition.shapes if shape.touches for surface in _touching(shape, material, meshes)),
         solids=tuple(surface for shape in solid_shapes(definition) for surface in _solid(shape, material, meshes)),
-        box=_around([box for box in boxes if box is not None]) if None not in boxes else None,
+        box=_bounding_box([box for box in boxes if box is not None]) if None not in boxes else None,
     )
 
 
@@ -56,39 +56,39 @@ def _box(shape: LinkShape, meshes: Meshes) -> tuple[Vector, Vector] | None:
 
 def _surfaces(shape: LinkShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
     """Yield the surfaces of a shape with their colours. A shape is a primitive, or a mesh file with one or several pieces."""
-    own, solid = shape.material or material, shape.solid
-    otherwise = own.color if own is not None else None
+    material, solid = shape.material or material, shape.solid
+    otherwise = material.color if material is not None else None
     if not isinstance(solid, MeshFile):
-        yield Surface(solid=solid, material=own, color=shape.color or otherwise, title=shape.name)
+        yield Surface(solid=solid, material=material, color=shape.color or otherwise, title=shape.name)
     elif (record := meshes.get(solid)) is not None:
         for number, piece in enumerate(record.pieces):
             color = shape.color or piece.color or otherwise
             if piece.mesh == record.mesh:
-                yield _whole(shape, solid, record, own, color)
+                yield _mesh_surface(shape, solid, record, material, color)
             else:
-                yield Surface(solid=piece.mesh, material=own, color=color, pose=shape.pose, name=f"{solid.name}_{number}", title=shape.name)
+                yield Surface(solid=piece.mesh, material=material, color=color, pose=shape.pose, name=f"{solid.name}_{number}", title=shape.name)
 
 
 def _touching(shape: LinkShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
     """Yield the collision shapes of a shape: a primitive, or a mesh file as a whole or in convex pieces."""
     record = meshes.get(shape.solid) if isinstance(shape.solid, MeshFile) else None
     pieces = () if record is None or shape.pieces is None else record.convex.get(shape.pieces, ())
-    for whole in _solid(shape, material, meshes):
+    for surface in _solid(shape, material, meshes):
         for number, piece in enumerate(pieces):
-            yield replace(whole, solid=piece, own=None, scale=None, name=f"{whole.name}_convex{shape.pieces or ''}_{number}")
+            yield replace(surface, solid=piece, own=None, scale=None, name=f"{surface.name}_convex{shape.pieces or ''}_{number}")
         if not pieces:
-            yield whole
+            yield surface
 
 
 def _solid(shape: LinkShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
-    own, solid = _rubbing(shape, shape.material or material), shape.solid
+    material, solid = _with_friction(shape, shape.material or material), shape.solid
     if not isinstance(solid, MeshFile):
-        yield Surface(solid=solid, material=own, color=None, title=shape.name)
+        yield Surface(solid=solid, material=material, color=None, title=shape.name)
     elif (record := meshes.get(solid)) is not None:
-        yield _whole(shape, solid, record, own, None)
+        yield _mesh_surface(shape, solid, record, material, None)
 
 
-def _rubbing(shape: LinkShape, material: Material | None) -> Material | None:
+def _with_friction(shape: LinkShape, material: Material | None) -> Material | None:
     """Return the material of a shape. If the shape specifies a friction, the returned material has this friction."""
     slide, torsion, roll = shape.friction
     if shape.friction == (None, None, None):
@@ -101,19 +101,19 @@ def _rubbing(shape: LinkShape, material: Material | None) -> Material | None:
     )
 
 
-def _whole(shape: LinkShape, file: MeshFile, record: MeshRecord, material: Material | None, color: str | None) -> Surface:
+def _mesh_surface(shape: LinkShape, file: MeshFile, record: MeshRecord, material: Material | None, color: str | None) -> Surface:
     return Surface(
         solid=record.mesh, material=material, color=color, pose=shape.pose, name=file.name,
         volume=record.matter.mass if record.matter is not None else 0.0, own=record.own, scale=file.scale, title=shape.name,
     )
 
 
-def _around(boxes: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector] | None:
+def _bounding_box(boxes: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector] | None:
     """Return the smallest box (two corners [m]) that contains several boxes. Return None for an empty list."""
     corners = [corner for box in boxes for corner in box]
     if not corners:
         return None
-    (ax, bx), (ay, by), (az, bz) = ((numeric.minimum(side), numeric.maximum(side)) for side in zip(*corners, strict=True))
+    (ax, bx), (ay, by), (az, bz) = ((numeric.minimum(extent), numeric.maximum(extent)) for extent in zip(*corners, strict=True))
     return (ax, ay, az), (bx, by, bz)
 
 
@@ -129,7 +129,7 @@ def solid_shapes(definition: LinkDefinition) -> Sequence[LinkShape]:
 
     The result contains the collision shapes or, if the link has none, the display shapes.
     """
-    return [one for one in definition.shapes if one.touches] or [one for one in definition.shapes if one.drawn]
+    return [shape for shape in definition.shapes if shape.touches] or [shape for shape in definition.shapes if shape.drawn]
 
 
 def weigh_shapes(definition: LinkDefinition, material: Material | None, meshes: Meshes, overrides: Overrides) -> MassResult:
@@ -174,7 +174,7 @@ def weight_of(definition: LinkDefinition, material: Material | None, meshes: Mes
     """
     dense = [(shape, own.density) for shape in solid_shapes(definition) if (own := shape.material or material) and own.density is not None]
     weights = [(density, _matter(shape, meshes)) for shape, density in dense]
-    others = [shape for shape in solid_shapes(definition) if shape not in [one for one, _ in dense]]
+    others = [shape for shape in solid_shapes(definition) if shape not in [weighted for weighted, _ in dense]]
     if weights and any(_matter(shape, meshes).mass > 0.0 for shape in others):
         raise MissingDensity("gets its mass from the densities of its shapes, but some shapes have no density")
     return total(matter.with_mass(density * matter.mass) for density, matter in weights)
@@ -186,7 +186,7 @@ def listed_meshes(model: AssemblyDefinition, *, drawn: bool) -> dict[MeshFile, t
     Each file is mapped to the location of its first use, and to whether the file must be read. A mesh file must be read if meshes are
     `drawn`, if the mass of a link depends on the file, or if a mode is `on_floor`.
     """
-    every = drawn or any(mode.on_floor for mode in model.modes)
+    read_all = drawn or any(mode.on_floor for mode in model.modes)
     files: dict[MeshFile, tuple[Origin, bool]] = {}
     for assembly in assemblies_of(model):
         for component in assembly.components:
@@ -194,8 +194,8 @@ def listed_meshes(model: AssemblyDefinition, *, drawn: bool) -> dict[MeshFile, t
             weighed = isinstance(definition, LinkDefinition) and not is_fully_stated(component.overrides)
             for shape in _shapes_of(component):
                 if isinstance(shape.solid, MeshFile):
-                    origin, before = files.get(shape.solid, (shape.origin, False))
-                    files[shape.solid] = (origin, before or every or weighed)
+                    origin, needed = files.get(shape.solid, (shape.origin, False))
+                    files[shape.solid] = (origin, needed or read_all or weighed)
     return files
 
 
@@ -211,22 +211,22 @@ def with_pieces(model: AssemblyDefinition, meshes: Meshes, decompose: Decompose,
 
     If a mesh cannot be decomposed, report an error at its shape.
     """
-    wanted: dict[tuple[str, int], tuple[MeshFile, Origin]] = {}
+    requests: dict[tuple[str, int], tuple[MeshFile, Origin]] = {}
     for assembly in assemblies_of(model):
         for shape in (shape for component in assembly.components for shape in _shapes_of(component)):
             if isinstance(shape.solid, MeshFile) and shape.pieces is not None and shape.solid in meshes:
-                wanted.setdefault((meshes[shape.solid].mesh.sha256, shape.pieces), (shape.solid, shape.origin))
-    found: dict[str, dict[int, tuple[Mesh, ...]]] = {}
-    for (mesh, most), pieces in (decompose(wanted) if wanted else {}).items():
+                requests.setdefault((meshes[shape.solid].mesh.sha256, shape.pieces), (shape.solid, shape.origin))
+    pieces_by_mesh: dict[str, dict[int, tuple[Mesh, ...]]] = {}
+    for (mesh, count), pieces in (decompose(requests) if requests else {}).items():
         if isinstance(pieces, PartFailure):
-            file, origin = wanted[mesh, most]
+            file, origin = requests[mesh, count]
             report.add(
                 Code.PART_INVALID, f"`{file.path}` cannot be decomposed into convex pieces: {pieces.message}", origin,
                 help="remove `decompose`, and list primitives or convex meshes instead",
             )
         else:
-            found.setdefault(mesh, {})[most] = pieces
-    return {file: replace(record, convex=found.get(record.mesh.sha256, {})) for file, record in meshes.items()}
+            pieces_by_mesh.setdefault(mesh, {})[count] = pieces
+    return {file: replace(record, convex=pieces_by_mesh.get(record.mesh.sha256, {})) for file, record in meshes.items()}
 
 def warn_far(shapes: LinkDefinition, record: PartRecord | None, meshes: Meshes, path: str, findings: LinkReport) -> None:
     """Warn of each collision shape that extends beyond the bounding box of its part by more than the diagonal of the box."""
@@ -238,9 +238,9 @@ def warn_far(shapes: LinkDefinition, record: PartRecord | None, meshes: Meshes, 
         if box is None or isinstance(shape.solid, Primitive) and shape.solid.shape == "plane":
             continue
         sides = ((low, box[0]), (box[1], high))
-        beyond = numeric.maximum([one - other for inner, outer in sides for one, other in zip(inner, outer, strict=True)])
-        if beyond > size:
-            far, diagonal = (Quantity(float(f"{length:.3g}"), LENGTH) for length in (beyond, size))
+        distance = numeric.maximum([one - other for inner, outer in sides for one, other in zip(inner, outer, strict=True)])
+        if distance > size:
+            far, diagonal = (Quantity(float(f"{length:.3g}"), LENGTH) for length in (distance, size))
             findings.warn(
                 Code.SHAPE_FAR, f"the collision shape `{shape.word}` extends {far} beyond the bounding box of `{path}`, whose diagonal is "
                 f"{diagonal}", shape.origin, path=path,

@@ -48,7 +48,7 @@ next document twice with other parameters, would be resolved 2^30 times.
 
 
 def resolve_assembly(
-    context: ResolveRun, relative: str, spec: AssemblySpec, given: Mapping[str, ExpressionValue | Expression],
+    context: ResolveRun, relative: str, spec: AssemblySpec, overrides: Mapping[str, ExpressionValue | Expression],
     choices: chosen.Choices = (), *, top: bool = False,
 ) -> DocumentScope:
     """Resolve an assembly document with parameters and choices.
@@ -58,22 +58,22 @@ def resolve_assembly(
     Modes are only resolved for the `top` document, because a parent assembly does not use the modes of nested documents.
     """
     document = context.documents.by_path[relative]
-    own = declared_parameters(context, document, spec)
-    values, broken = (dict(own.values), set(own.broken)) if not given else evaluate_parameters(
-        document, spec, given, context.report, context.doubts(document),
+    declared = declared_parameters(context, document, spec)
+    values, broken = (dict(declared.values), set(declared.broken)) if not overrides else evaluate_parameters(
+        document, spec, overrides, context.report, context.doubts(document),
     )
     choices = chosen.that_say_more(context, relative, spec, choices) if choices else ()
     parameters = tuple(sorted((*canonical(values), *choices)))
     key = (relative, parameters)
-    known = context.table(key)
-    if known is not None:
-        return known
+    cached = context.table(key)
+    if cached is not None:
+        return cached
     document, spec = substitute(context, document, spec, chosen.values(choices))
     scope = context.scope(document, values, frozenset(broken))
     _check_count(context, scope)
-    if given:
-        check_bounds(scope, spec, [name for name in values if name not in given])
-    named = (spec.name, dict(parameters), dict(canonical(own.values)))
+    if overrides:
+        check_bounds(scope, spec, [name for name in values if name not in overrides])
+    named = (spec.name, dict(parameters), dict(canonical(declared.values)))
     table = DocumentScope(
         document=document, spec=spec, scope=scope, parameters=parameters, text=definition_text(*named),
         label=definition_label(*named, {name: words_of(value) for name, value in values.items()}), choices=choices,
@@ -111,46 +111,46 @@ def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
     check_names(scope, chain(
         ((item.name, item.path, "a joint") for item in moving),
         ((name, ("tendons", name), "a tendon") for name in spec.tendons),
-        ((f"{one.name}_{k}", one.path, f"a coordinate of joint `{one.name}`") for one in moving for k in coordinates_of(one.spec.type)),
+        ((f"{j.name}_{k}", j.path, f"a coordinate of joint `{j.name}`") for j in moving for k in coordinates_of(j.spec.type)),
         names_of(geared),
     ))
     check_names(scope, ((item.name, item.path, "a transmission") for item in geared), reserved=False)
     nodes(context, table, parts, resolve_assembly)
     places: Places = {}
     placements = own_placements(context, table, places)
-    unsure = joints(table, moving, places)
-    unsure = place_in_modes(table, placements) or unsure
+    unknown_child = joints(table, moving, places)
+    unknown_child = place_in_modes(table, placements) or unknown_child
     mimics(table, moving)
     transmissions(table, geared, [item.name for item in moving if item.spec.drive is not None])
-    check(table, places, unsure=unsure)
+    check(table, places, unsure=unknown_child)
     _exports(table, scope)
     links = tuple(_links(table, scope))
     poses(table, scope)
     if top:
         motions(context, table, scope)
-    made = components(context, table, placements, unreadable=table.materials_unreadable)
-    model = _definition(context, table, made, links, top)
+    resolved = components(context, table, placements, unreadable=table.materials_unreadable)
+    model = _definition(context, table, resolved, links, top)
     table.definition = replace(model, omitted=_omitted_details(scope, spec.detail, model)) if top and spec.detail is not None else model
 
 
 def _definition(
-    context: ResolveRun, table: DocumentScope, made: tuple[Component, ...], links: tuple[LinkName, ...], top: bool,
+    context: ResolveRun, table: DocumentScope, resolved: tuple[Component, ...], links: tuple[LinkName, ...], top: bool,
 ) -> AssemblyDefinition:
     """Create the definition of an assembly from the resolved sections of its document."""
     scope, spec = table.scope, table.spec
-    stated = (spec.modes, context.values(scope, "modes", spec.modes), *context.around(table))
-    own_modes = context.sound("modes", stated, lambda: modes(table, scope)) if top else ()
-    stepped = DefaultLayers(((spec.simulation, ("simulation",)),)) if spec.simulation else DefaultLayers(())
-    pulled = (*tendons(table, scope), *table.coupled)
+    inputs = (spec.modes, context.values(scope, "modes", spec.modes), *context.around(table))
+    own_modes = context.sound("modes", inputs, lambda: modes(table, scope)) if top else ()
+    settings = DefaultLayers(((spec.simulation, ("simulation",)),)) if spec.simulation else DefaultLayers(())
+    tendons_ = (*tendons(table, scope), *table.coupled)
     return AssemblyDefinition(
         document=table.document.relative, name=spec.name, description=spec.description, parameters=table.parameters, text=table.text,
-        label=table.label, materials={name: one for name, one in table.materials.items() if one is not None}, components=made,
+        label=table.label, materials={name: value for name, value in table.materials.items() if value is not None}, components=resolved,
         joints=context.same("joint", table.document.relative, [joint for joint in table.joints.values() if joint is not None]),
-        links=links, mounts={name: one for name, one in table.exports.items() if one is not None},
+        links=links, mounts={name: mount for name, mount in table.exports.items() if mount is not None},
         poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=own_modes,
-        motions=tuple(motion for motion in table.motions.values() if motion is not None), simulation=simulation(scope, stepped),
-        step_origin=step_origin(scope, stepped), raw=raw(scope, spec.raw), added=added_elements(scope, spec.raw), tendons=pulled,
-        sensors=tuple(sensors(table, scope, pulled)), names=tuple(names(table, scope)),
+        motions=tuple(motion for motion in table.motions.values() if motion is not None), simulation=simulation(scope, settings),
+        step_origin=step_origin(scope, settings), raw=raw(scope, spec.raw), added=added_elements(scope, spec.raw), tendons=tendons_,
+        sensors=tuple(sensors(table, scope, tendons_)), names=tuple(names(table, scope)),
         tests=tuple(tests(context, table, scope, own_modes)) if top and spec.tests else (), origin=scope.origin(("name",)),
         materials_known=not table.materials_unreadable, whole=not scope.doubts, loose=tuple(table.loose),
         catalog=catalog(context, scope, spec), order=tuple(_order(table, scope)),
@@ -171,8 +171,8 @@ def _check_names(scope: Scope, spec: AssemblySpec) -> None:
         ("sensors", spec.sensors, "a sensor", False), ("tests", spec.tests, "a test", False),
         ("materials", spec.materials if isinstance(spec.materials, Mapping) else {}, "a material", False),
     )
-    for section, entries, what, reserved in sections:
-        check_names(scope, ((name, (section, name), what) for name in entries), reserved=reserved)
+    for section, entries, noun, reserved in sections:
+        check_names(scope, ((name, (section, name), noun) for name in entries), reserved=reserved)
 
 
 def _exports(table: DocumentScope, scope: Scope) -> None:
@@ -192,17 +192,17 @@ def _links(table: DocumentScope, scope: Scope) -> Iterator[LinkName]:
 
 def _order(table: DocumentScope, scope: Scope) -> Iterator[Reference]:
     """Yield the components of the document that `order` lists. Components of nested documents, and repeated ones, are reported."""
-    met: dict[tuple[str, ...], Reference] = {}
+    listed: dict[tuple[str, ...], Reference] = {}
     for index, text in enumerate(table.spec.order):
-        for one in components_fitting(table, scope, text, ("order", index)):
-            if len(one.path) > 1:
-                message, help = f"`{one.text}` is a component of a nested document", "write `order` in that document"
+        for component in components_fitting(table, scope, text, ("order", index)):
+            if len(component.path) > 1:
+                message, help = f"`{component.text}` is a component of a nested document", "write `order` in that document"
                 scope.error(Code.ASSEMBLY_ORDER, message, ("order", index), help=help)
-            elif met.setdefault(one.path, one) is not one:
-                notes = make_notes("it is also listed here", met[one.path].origin)
-                scope.error(Code.ASSEMBLY_ORDER, f"`{one.text}` is listed twice", ("order", index), help="remove one", notes=notes)
+            elif listed.setdefault(component.path, component) is not component:
+                notes = make_notes("it is also listed here", listed[component.path].origin)
+                scope.error(Code.ASSEMBLY_ORDER, f"`{component.text}` is listed twice", ("order", index), help="remove one", notes=notes)
             else:
-                yield one
+                yield component
 
 
 def _omitted_details(scope: Scope, detail: DetailSpec, model: AssemblyDefinition) -> dict[str, frozenset[str]]:
@@ -210,11 +210,11 @@ def _omitted_details(scope: Scope, detail: DetailSpec, model: AssemblyDefinition
 
     An error is reported for a level to which no component belongs, in this document or in a nested document.
     """
-    known = {level for one in assemblies_of(model) for component in one.components for level in component.detail}
-    stated = {key: value for key, value in detail if value is not None}
-    for key, levels in stated.items():
-        for name in (one for one in levels if one not in known):
+    known = {level for assembly in assemblies_of(model) for component in assembly.components for level in component.detail}
+    specified = {key: value for key, value in detail if value is not None}
+    for key, levels in specified.items():
+        for name in (level for level in levels if level not in known):
             help = did_you_mean(name, known, what="levels") if known else f"write `detail: [{name}]` in a component"
             scope.error(Code.UNKNOWN_CHOICE, f"no component has the level of detail `{name}`", ("detail", key), help=help)
-    common = stated.pop("sim", ())
-    return {target: frozenset(stated.get(target, common)) for target in type(detail).model_fields if target != "sim"}
+    common = specified.pop("sim", ())
+    return {target: frozenset(specified.get(target, common)) for target in type(detail).model_fields if target != "sim"}

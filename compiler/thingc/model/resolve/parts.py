@@ -49,10 +49,10 @@ def of_code(context: ResolveRun, node: ComponentScope, reference: str) -> PartDe
     if isinstance(schema, PartFailure):
         _report_failure(context, node, reference, schema)
         return None
-    given = _given_parameters(node, schema)
-    if given is None:
+    set_values = _given_parameters(node, schema)
+    if set_values is None:
         return None
-    values = {**schema.defaults, **given}
+    values = {**schema.defaults, **set_values}
     key = (reference, tuple(sorted(values.items())))
     definition = context.parts.get(key)
     # 1, 1.0 and True are equal as keys, but their representations differ
@@ -69,7 +69,7 @@ def _given_parameters(node: ComponentScope, schema: PartSchema) -> dict[str, Val
     scope, path = node.scope, (*node.path, "params")
     by_name = {parameter.name: parameter for parameter in schema.parameters}
     values: dict[str, Value] = {}
-    sound = True
+    valid = True
     for name, raw in node.spec.params.items():
         parameter = by_name.get(name)
         if parameter is None:
@@ -78,91 +78,92 @@ def _given_parameters(node: ComponentScope, schema: PartSchema) -> dict[str, Val
                 help=did_you_mean(name, by_name, what="parameters"),
                 notes=[*scope.second_note("the part is used here", (*node.path, "part"), (*path, name)), *_declared_at(schema)],
             )
-            sound = False
+            valid = False
             continue
         value = scope.value(raw, (*path, name))
         canonical = None if value is None else _check_value(scope, schema, parameter, value, (*path, name))
         if canonical is None:
-            sound = False
+            valid = False
         else:
             values[name] = canonical
     missing = [parameter for parameter in schema.parameters if parameter.required and parameter.name not in node.spec.params]
     if missing and not scope.doubts.touch(path):
         named = " and ".join(f"`{parameter.name}`" for parameter in missing)
-        examples = (f"{one.name}: {DIMENSIONS[one.kind].example if one.kind in DIMENSIONS else '...'}" for one in missing)
+        examples = (f"{needed.name}: {DIMENSIONS[needed.kind].example if needed.kind in DIMENSIONS else '...'}" for needed in missing)
         s, are = ("s", "are") if len(missing) > 1 else ("", "is")
         scope.error(
             Code.MISSING_PARAMETER, f"`{schema.reference}` needs the parameter{s} {named}, which {are} not set",
             (*node.path, "part"), help=f"write `params: {{{', '.join(examples)}}}`", notes=_declared_at(schema),
         )
-    return values if sound and not missing else None
+    return values if valid and not missing else None
 
 
-def _check_value(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given: ExpressionValue, path: Path) -> Value | None:
+def _check_value(scope: Scope, schema: PartSchema, parameter: ParameterSchema, value: ExpressionValue, path: Path) -> Value | None:
     """Check the value of a part parameter with the schema of the part class, and return the value in canonical form.
 
     If the value is invalid, report an error and return None.
     """
-    what = f"parameter `{parameter.name}` of `{schema.reference}`"
-    written = scope.source_text(path)
-    literal = written is not None and not written.lstrip().startswith("=")
+    subject = f"parameter `{parameter.name}` of `{schema.reference}`"
+    source = scope.source_text(path)
+    literal = source is not None and not source.lstrip().startswith("=")
     if parameter.kind == "choice":
-        return _choice(scope, schema, parameter, given, what, path)
+        return _choice(scope, schema, parameter, value, subject, path)
     if parameter.kind == "text":
-        if isinstance(given, str):
-            return given
-        if isinstance(given, Quantity) and literal and written is not None:
-            return written.strip()
-        message = f"{what} must be a string, found {kind_of(given)} ({scope.format_value(given, path)})"
+        if isinstance(value, str):
+            return value
+        if isinstance(value, Quantity) and literal and source is not None:
+            return source.strip()
+        message = f"{subject} must be a string, found {kind_of(value)} ({scope.format_value(value, path)})"
         scope.error(Code.VALUE_KIND, message, path, help="put quotes around the value" if literal else None, notes=_declared_at(schema))
         return None
     if parameter.kind == "flag":
-        if isinstance(given, bool):
-            return given
-        message = f"{what} must be `true` or `false`, found {kind_of(given)} ({scope.format_value(given, path)})"
+        if isinstance(value, bool):
+            return value
+        message = f"{subject} must be `true` or `false`, found {kind_of(value)} ({scope.format_value(value, path)})"
         scope.error(Code.VALUE_KIND, message, path, help="write `true` or `false`", notes=_declared_at(schema))
         return None
     dimension = DIMENSIONS[parameter.kind]
-    if not isinstance(given, Quantity) or not given.fits(dimension):
-        message, help = dimension_message(given, (dimension,), what, written, scope.names)
-        if parameter.kind in ("number", *WHOLE) and isinstance(given, Quantity):
+    if not isinstance(value, Quantity) or not value.fits(dimension):
+        message, help = dimension_message(value, (dimension,), subject, source, scope.names)
+        if parameter.kind in ("number", *WHOLE) and isinstance(value, Quantity):
             help = "the part expects a plain number without a unit"
         scope.error(Code.DIMENSION, message, path, help=help, notes=_declared_at(schema))
         return None
-    value = given.value + 0.0
-    if parameter.kind in WHOLE and value != int(value):
-        message = f"{what} must be a whole number, found {scope.format_value(given, path)}"
+    number = value.value + 0.0
+    if parameter.kind in WHOLE and number != int(number):
+        message = f"{subject} must be a whole number, found {scope.format_value(value, path)}"
         scope.error(Code.VALUE_KIND, message, path, notes=_declared_at(schema))
         return None
     for bound, broken, rule in (
-        (parameter.minimum, parameter.minimum is not None and value < parameter.minimum, "at least"),
-        (parameter.maximum, parameter.maximum is not None and value > parameter.maximum, "at most"),
+        (parameter.minimum, parameter.minimum is not None and number < parameter.minimum, "at least"),
+        (parameter.maximum, parameter.maximum is not None and number > parameter.maximum, "at most"),
     ):
         if broken and bound is not None:
             scope.error(
-                Code.OUT_OF_RANGE, f"{what} must be {rule} {parameter.format_value(bound)}, found {scope.format_value(given, path)}", path,
-                notes=_declared_at(schema),
+                Code.OUT_OF_RANGE, f"{subject} must be {rule} {parameter.format_value(bound)}, found {scope.format_value(value, path)}",
+                path, notes=_declared_at(schema),
             )
             return None
-    return int(value) if parameter.kind in WHOLE else value
+    return int(number) if parameter.kind in WHOLE else number
 
 
-def _choice(scope: Scope, schema: PartSchema, parameter: ParameterSchema, given: ExpressionValue, what: str, path: Path) -> Value | None:
-    written = (scope.source_text(path) or "").strip()
+def _choice(scope: Scope, schema: PartSchema, parameter: ParameterSchema, value: ExpressionValue, subject: str, path: Path) -> Value | None:
+    source = (scope.source_text(path) or "").strip()
     for choice in parameter.choices:
-        if isinstance(choice, bool) or isinstance(given, bool):
-            if choice is given:
+        if isinstance(choice, bool) or isinstance(value, bool):
+            if choice is value:
                 return choice
         elif isinstance(choice, str):
-            if choice == (given if isinstance(given, str) else written):
+            if choice == (value if isinstance(value, str) else source):
                 return choice
-        elif isinstance(given, Quantity) and given.dimension == NUMBER and given.value == choice:
+        elif isinstance(value, Quantity) and value.dimension == NUMBER and value.value == choice:
             return choice
-    shown = [words_of(choice) if isinstance(choice, (bool, str)) else f"{choice:g}" for choice in parameter.choices]
-    text = shorten(written or words_of(given))
-    help = did_you_mean(text, shown, what="choices") if nearest(text, shown) is not None else None
+    choices = [words_of(choice) if isinstance(choice, (bool, str)) else f"{choice:g}" for choice in parameter.choices]
+    text = shorten(source or words_of(value))
+    help = did_you_mean(text, choices, what="choices") if nearest(text, choices) is not None else None
     scope.error(
-        Code.VALUE_KIND, f"{what} must be one of {quote_names(shown, 12)}, found `{text}`", path, help=help, notes=_declared_at(schema),
+        Code.VALUE_KIND, f"{subject} must be one of {quote_names(choices, 12)}, found `{text}`", path, help=help,
+        notes=_declared_at(schema),
     )
     return None
 
@@ -216,24 +217,24 @@ def _report_failure(context: ResolveRun, node: ComponentScope, reference: str, f
     )
 
 
-def _report_unloaded(context: ResolveRun, where: Span, reference: str, failure: PartFailure, file: str, line: int) -> None:
+def _report_unloaded(context: ResolveRun, use: Span, reference: str, failure: PartFailure, file: str, line: int) -> None:
     """Report an error in a part file. The error is reported once, even if the file defines several parts.
 
-    `where` is the location of a reference to the part.
+    `use` is the location of a reference to the part.
     """
     from thingc.documents.spec.validation import part_references
 
-    uses = {reference: where}
-    for other, place in part_references(context.specs, context.documents):
-        known = context.schemas.get(other)
-        if isinstance(known, PartFailure) and (known.message, known.file, known.line) == (failure.message, file, line):
-            uses.setdefault(other, place)
-    context.failed_parts.update(uses)
-    more = len(uses) - 1
-    others = f" and {format_count(more, 'other part')}" if more else ""
-    notes = [Note(message=f"`{used}` is used here", span=place) for used, place in list(uses.items())[:USES_SHOWN]]
-    if len(uses) > USES_SHOWN:
-        notes.append(Note(message="also used: " + ", ".join(f"`{used}`" for used in list(uses)[USES_SHOWN:])))
+    references = {reference: use}
+    for reference_, place in part_references(context.specs, context.documents):
+        schema = context.schemas.get(reference_)
+        if isinstance(schema, PartFailure) and (schema.message, schema.file, schema.line) == (failure.message, file, line):
+            references.setdefault(reference_, place)
+    context.failed_parts.update(references)
+    count = len(references) - 1
+    others = f" and {format_count(count, 'other part')}" if count else ""
+    notes = [Note(message=f"`{name}` is used here", span=place) for name, place in list(references.items())[:USES_SHOWN]]
+    if len(references) > USES_SHOWN:
+        notes.append(Note(message="also used: " + ", ".join(f"`{name}`" for name in list(references)[USES_SHOWN:])))
     context.report.add(
         Code.PART_RAISED, f"part `{reference}`{others} cannot be loaded: {failure.message}",
         line_of(file, line), help="fix the part file", notes=notes, detail=failure.detail,
@@ -242,17 +243,17 @@ def _report_unloaded(context: ResolveRun, where: Span, reference: str, failure: 
 
 def _reference_hint(context: ResolveRun, text: str) -> str:
     """Return a hint for a reference that does not have the form `module:Class`."""
-    called = re.fullmatch(r"([\w.]+:[\w.]+)\((.*)\)", text, re.DOTALL)
-    if called is not None:
-        return f"write `part: {shorten(called.group(1))}`, and set its parameters: `params: {{...}}`"
+    call = re.fullmatch(r"([\w.]+:[\w.]+)\((.*)\)", text, re.DOTALL)
+    if call is not None:
+        return f"write `part: {shorten(call.group(1))}`, and set its parameters: `params: {{...}}`"
     module, _, name = text.rpartition(":") if ":" in text else text.rpartition(".")
     for folder in context.workspace.parts:
         relative = context.workspace.relative(folder)
         module = module.removeprefix("./").removeprefix(f"{relative}/").removeprefix(f"{relative}.")
     module = module.removesuffix(".py").replace("/", ".")
-    meant = f"{module}:{name}"
-    if re.fullmatch(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*", meant) and meant != text:
-        return f"did you mean `{shorten(meant)}`?"
+    corrected = f"{module}:{name}"
+    if re.fullmatch(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*", corrected) and corrected != text:
+        return f"did you mean `{shorten(corrected)}`?"
     return "write `module:Class`, for example `arm:BasePlate`"
 
 
@@ -261,19 +262,19 @@ def missing_hint(context: ResolveRun, reference: str, failure: PartFailure) -> H
 
     The hint suggests the same class name in another module, or a similar class name in the same module.
     """
-    classes = [one for one in failure.candidates if ":" in one]
-    namesakes = [one for one in classes if one.partition(":")[2] == reference.rpartition(":")[2]]
+    classes = [name for name in failure.candidates if ":" in name]
+    namesakes = [name for name in classes if name.partition(":")[2] == reference.rpartition(":")[2]]
     if namesakes:
-        return near_hint(reference, namesakes) or f"did you mean {' or '.join(f'`{one}`' for one in namesakes[:3])}?"
+        return near_hint(reference, namesakes) or f"did you mean {' or '.join(f'`{name}`' for name in namesakes[:3])}?"
     if classes:
         return did_you_mean(reference, classes, what="parts")
     return _module_hint(context, reference, failure.candidates)
 
 
-def _module_hint(context: ResolveRun, reference: str, known: Collection[str]) -> Hint:
+def _module_hint(context: ResolveRun, reference: str, modules_found: Collection[str]) -> Hint:
     """Return a hint for an unknown module. The hint suggests a similar module name, or shows where modules are searched."""
     module, _, name = reference.partition(":")
-    close = near_hint(module, known)
+    close = near_hint(module, modules_found)
     if close is not None:
         return close
     folders = [context.workspace.relative(folder) for folder in context.workspace.parts] or list(DEFAULT_PARTS)
@@ -282,7 +283,7 @@ def _module_hint(context: ResolveRun, reference: str, known: Collection[str]) ->
         hint += ", which does not exist yet"
     if "." not in module:
         hint += f": add a class `{shorten(name)}` to `{folders[0]}/{shorten(module)}.py`"
-    modules = sorted(set(known) - set(context.workspace.packages))
+    modules = sorted(set(modules_found) - set(context.workspace.packages))
     return f"{hint}; {did_you_mean('', modules, what='modules')}" if modules else hint
 
 
@@ -293,12 +294,11 @@ FEWEST_FACES = 4
 def of_file(context: ResolveRun, node: ComponentScope, text: str) -> PartDefinition | None:
     """Return the part definition of a component with the key `file:`.
 
-    The definition includes the setting `faces`, and the unit of the file if it is not mm.
-
-    If the file cannot be used, return None. The pass `load` has reported such a file, unless a choice selects the file.
+    The parameters of the definition are `faces`, if specified, and the unit of the file, if it is not mm. If the file cannot be used,
+    return None. The pass `load` has reported this, unless a `--set` option selects the file.
     """
-    beside = context.documents.root.path if "file" in node.chosen else node.scope.document.path
-    absolute = resolve_path(text, beside)
+    base_document = context.documents.root.path if "file" in node.chosen else node.scope.document.path
+    absolute = resolve_path(text, base_document)
     workspace = context.workspace
     if absolute is None or os.path.isabs(text) or not workspace.contains(absolute) or not absolute.lower().endswith(PART_SUFFIXES):
         return None
@@ -309,14 +309,14 @@ def of_file(context: ResolveRun, node: ComponentScope, text: str) -> PartDefinit
         faces = node.scope.count(node.spec.faces, (*node.path, "faces"), "`faces`", least=FEWEST_FACES)
         if faces is None:
             return None
-    said: dict[str, Value] = {} if faces is None else {"faces": faces}
-    said |= {} if unit == FILE_UNIT else {"unit": unit}
-    given = tuple(said.items())
-    definition = context.parts.get((reference, given))
+    settings: dict[str, Value] = {} if faces is None else {"faces": faces}
+    settings |= {} if unit == FILE_UNIT else {"unit": unit}
+    parameters = tuple(settings.items())
+    definition = context.parts.get((reference, parameters))
     if definition is None and os.path.isfile(absolute):
-        definition = context.parts[reference, given] = PartDefinition(
-            reference=reference, kind="file", parameters=given, text=definition_text(reference, said, {}),
-            label=reference + (f" in {unit}" if "unit" in said else "") + (f", {faces} faces" if "faces" in said else ""),
-            words=tuple(str(value) for value in said.values()),
+        definition = context.parts[reference, parameters] = PartDefinition(
+            reference=reference, kind="file", parameters=parameters, text=definition_text(reference, settings, {}),
+            label=reference + (f" in {unit}" if "unit" in settings else "") + (f", {faces} faces" if "faces" in settings else ""),
+            words=tuple(str(value) for value in settings.values()),
         )
     return definition

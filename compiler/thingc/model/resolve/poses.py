@@ -35,34 +35,34 @@ def poses(table: DocumentScope, scope: Scope) -> None:
     joints: Joints = dict(table.all_joints())
     for name, entries in table.spec.poses.items():
         path: Path = ("poses", name)
-        layers: tuple[Settings, Settings, Settings] = (_starts(table), {}, {})  # in this order: nested poses, patterns, exact names
+        layers: tuple[Settings, Settings, Settings] = (_start_poses(table), {}, {})  # in this order: nested poses, patterns, exact names
         for key, raw in entries.items():
             at = (*path, key)
-            several = [one for one in joints if one.number is not None and one.joint == key]
-            if several or (key in joints and isinstance(raw, (list, dict, TurnSpec))):
-                _several(scope, joints, key, several, raw, at, layers[2])
+            coordinates = [joint for joint in joints if joint.number is not None and joint.joint == key]
+            if coordinates or (key in joints and isinstance(raw, (list, dict, TurnSpec))):
+                _set_coordinates(scope, joints, key, coordinates, raw, at, layers[2])
             elif key in joints:
                 _set(scope, joints, [CoordinateName(key)], raw, at, layers[2], exact=True)
             elif isinstance(raw, str):
-                _use(table, scope, key, raw, at, layers[0])
+                _apply_nested_pose(table, scope, key, raw, at, layers[0])
             elif GLOB.search(key) and isinstance(raw, (list, dict, TurnSpec)):
-                _pattern_of_several(scope, joints, key, raw, at, layers[1])
+                _set_matching_coordinates(scope, joints, key, raw, at, layers[1])
             elif GLOB.search(key):
-                _pattern(table, scope, joints, key, raw, at, layers[1])
+                _set_matching(table, scope, joints, key, raw, at, layers[1])
             else:
                 _report_unknown(table, scope, joints, key, at)
         merged: Settings = {**layers[0], **layers[1], **layers[2]}
-        said_of_it = (said[0] == scope.document.relative and said[2][:2] == path for said in scope.reported)
-        if scope.doubts.touch(path) or any(said_of_it):
-            merged = {**_stand_ins(joints, scope.origin(path, key=True)), **merged}
-        in_order = {one.path: merged[one.path] for one in joints if one.path in merged}
+        has_errors = any(document == scope.document.relative and place[:2] == path for document, _, place, _ in scope.reported)
+        if has_errors or scope.doubts.touch(path):
+            merged = {**_placeholders(joints, scope.origin(path, key=True)), **merged}
+        in_order = {joint.path: merged[joint.path] for joint in joints if joint.path in merged}
         table.poses[name] = NamedPose(
             name=name, values={joint: q for joint, (q, _) in in_order.items()},
             origins={joint: origin for joint, (_, origin) in in_order.items()}, origin=scope.origin(path, key=True),
         )
 
 
-def _starts(table: DocumentScope) -> Settings:
+def _start_poses(table: DocumentScope) -> Settings:
     """Return the positions of joints in the start poses of the modes in which nested assemblies are placed."""
     starts: Settings = {}
     for component, inner, mode in table.all_modes():
@@ -73,33 +73,33 @@ def _starts(table: DocumentScope) -> Settings:
     return starts
 
 
-def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName], raw: Any, path: Path, into: Settings) -> None:
+def _set_coordinates(scope: Scope, joints: Joints, key: str, names: list[CoordinateName], raw: Any, path: Path, settings: Settings) -> None:
     """Set the coordinates of a joint with several coordinates.
 
     The value in the document is a list, or a mapping whose keys are indices of coordinates.
     """
-    ball = known[names[0]] if names else None
+    ball = joints[names[0]] if names else None
     if ball is not None and ball.kind.at_once:
-        _turn_ball(scope, key, names, ball, raw, path, into)
+        _set_ball(scope, key, names, ball, raw, path, settings)
         return
     if names and isinstance(raw, (list, dict)) and all(find_item(raw, k) is None for k in range(len(names), len(names) + len(raw))):
         for number, name in enumerate(names):
-            own = find_item(raw, number)
-            if own is not None:
-                _set(scope, known, [name], own[0], (*path, own[1]), into, exact=True)
+            item = find_item(raw, number)
+            if item is not None:
+                _set(scope, joints, [name], item[0], (*path, item[1]), settings, exact=True)
         return
-    joint = known[names[0] if names else CoordinateName(key)]
+    joint = joints[names[0] if names else CoordinateName(key)]
     if joint is None:
         return
-    shown = ", ".join("..." for _ in names)
+    example = ", ".join("..." for _ in names)
     scope.error(
         Code.COORDINATES, f"joint `{key}` has {len(names)} coordinates: its value must be a list of {len(names)} items" if names
         else f"joint `{key}` has one coordinate: its value must not be a list", path, key=True,
-        help=f"write `[{shown}]`, or set only one: `{names[0]}`" if names else "write one value", notes=joint.definition_note(key),
+        help=f"write `[{example}]`, or set only one: `{names[0]}`" if names else "write one value", notes=joint.definition_note(key),
     )
 
 
-def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint, raw: Any, path: Path, into: Settings) -> None:
+def _set_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint, raw: Any, path: Path, settings: Settings) -> None:
     """Set the coordinates of a ball joint or free joint. The value in the document is the motion of the child mount from q = 0."""
     free = ball.kind.free
     if not isinstance(raw, TurnSpec) or (raw.xyz is not None and not free):
@@ -112,32 +112,31 @@ def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint,
     if raw.rpy is None and raw.quat is None:
         quaternion: Quaternion | None = (1.0, 0.0, 0.0, 0.0)
     elif raw.rpy is not None:
-        turned = scope.rotation(raw, path)
-        quaternion = None if turned is None else Pose(rotation=turned).quaternion()
+        rotation = scope.rotation(raw, path)
+        quaternion = None if rotation is None else Pose(rotation=rotation).quaternion()
     else:
-        at, what = (*path, "quat"), f"`quat` of joint `{key}`"
-        w, x, y, z = (scope.number(one, (*at, number), NUMBER, what) for number, one in enumerate(raw.quat or ()))
+        at, subject = (*path, "quat"), f"`quat` of joint `{key}`"
+        w, x, y, z = (scope.number(one, (*at, number), NUMBER, subject) for number, one in enumerate(raw.quat or ()))
         quaternion = None if w is None or x is None or y is None or z is None else (w, x, y, z)
         if quaternion is not None and not any(quaternion):
             scope.error(
-                Code.POSE, f"{what} is zero, which is not a rotation", at, help="write w, x, y, z; the identity is `[1, 0, 0, 0]`",
+                Code.POSE, f"{subject} is zero, which is not a rotation", at, help="write w, x, y, z; the identity is `[1, 0, 0, 0]`",
             )
             return
     if quaternion is not None and place is not None:
         values = (*(place if free else ()), *turn_of(quaternion))
-        into.update((name.path, (q, scope.origin(path))) for name, q in zip(names, values, strict=True))
+        settings.update((name.path, (q, scope.origin(path))) for name, q in zip(names, values, strict=True))
 
 
-def _stand_ins(known: Joints, origin: Origin) -> Settings:
+def _placeholders(joints: Joints, origin: Origin) -> Settings:
     """Return a position within the limits for each joint whose limits exclude 0.
 
     The returned positions are placeholders for a pose with errors.
 
-    Without placeholders, an error that 0 is outside the limits would be reported, although the real reason is the other error in the pose.
-    Build outputs never contain the placeholders.
+    Without placeholders, thingc would also report that 0 is outside the limits. Build outputs never contain the placeholders.
     """
     settings: Settings = {}
-    for name, joint in known.items():
+    for name, joint in joints.items():
         if joint is None or not joint.settable:
             continue
         if joint.limit.lower is not None and joint.limit.lower > 0.0:
@@ -147,9 +146,9 @@ def _stand_ins(known: Joints, origin: Origin) -> Settings:
     return settings
 
 
-def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, path: Path, into: Settings, *, exact: bool) -> None:
+def _set(scope: Scope, joints: Joints, names: list[CoordinateName], raw: Any, path: Path, settings: Settings, *, exact: bool) -> None:
     for name in names:
-        joint = known[name]
+        joint = joints[name]
         if joint is None:
             continue
         coordinate, notes, key = joint.twist.coordinate if joint.twist is not None else None, joint.definition_note(name), True
@@ -169,57 +168,57 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
             message = f"joint `{name}` must be {coordinate.words} (such as {coordinate.example}), found the string `{raw}`"
             help, key = f"an expression begins with `=`: `={raw}`" if raw in scope.names else None, False
         else:
-            what = f"the value of joint `{name}`" if exact else f"the value of joint `{name}`, which the pattern matches,"
-            value = scope.number(raw, path, coordinate, what, notes=notes)
+            subject = f"the value of joint `{name}`" if exact else f"the value of joint `{name}`, which the pattern matches,"
+            value = scope.number(raw, path, coordinate, subject, notes=notes)
             if value is not None:
-                into[name.path] = (value, scope.origin(path))
+                settings[name.path] = (value, scope.origin(path))
             continue
         scope.error(Code.POSE, message, path, key=key, help=help, notes=notes)
 
 
-def _settable(known: Joints) -> list[CoordinateName]:
-    return [name for name, joint in known.items() if joint is not None and joint.settable]
+def _settable_joints(joints: Joints) -> list[CoordinateName]:
+    return [name for name, joint in joints.items() if joint is not None and joint.settable]
 
 
-def _pattern(table: DocumentScope, scope: Scope, known: Joints, key: str, raw: Any, path: Path, into: Settings) -> None:
-    fitting = [name for name in known if fnmatchcase(name, key)]
-    movable = [name for name in fitting if (joint := known[name]) is not None and joint.settable]
+def _set_matching(table: DocumentScope, scope: Scope, joints: Joints, key: str, raw: Any, path: Path, settings: Settings) -> None:
+    matches = [name for name in joints if fnmatchcase(name, key)]
+    movable = [name for name in matches if (joint := joints[name]) is not None and joint.settable]
     if movable:
-        _set(scope, known, movable, raw, path, into, exact=False)
-    elif any(known[name] is None for name in fitting) or table.may_lack_joints():
+        _set(scope, joints, movable, raw, path, settings, exact=False)
+    elif any(joints[name] is None for name in matches) or table.may_lack_joints():
         return
-    elif fitting:
+    elif matches:
         scope.error(
             Code.NO_MATCH, f"pattern `{key}` matches no joint that a pose can set", path, key=True,
-            help=f"`{fitting[0].joint}` is {joint.kind.words}: write `{_EXAMPLE[joint.kind.free]}`"
-            if (joint := known[fitting[0]]) is not None and joint.kind.at_once else f"`{fitting[0]}` mimics another joint or does not move",
+            help=f"`{matches[0].joint}` is {joint.kind.words}: write `{_EXAMPLE[joint.kind.free]}`"
+            if (joint := joints[matches[0]]) and joint.kind.at_once else f"`{matches[0]}` mimics another joint or does not move",
         )
     else:
         scope.error(
             Code.NO_MATCH, f"pattern `{key}` matches no joint", path, key=True,
-            help=suggest(key, _settable(known), what="joints"),
+            help=suggest(key, _settable_joints(joints), what="joints"),
         )
 
 
-def _pattern_of_several(scope: Scope, known: Joints, key: str, raw: Any, path: Path, into: Settings) -> None:
+def _set_matching_coordinates(scope: Scope, joints: Joints, key: str, raw: Any, path: Path, settings: Settings) -> None:
     """Set the coordinates of all joints with several coordinates that match a pattern.
 
     The value in the document is a list, or a mapping whose keys are indices of coordinates.
     """
     coordinates: dict[str, list[CoordinateName]] = {}
-    for name in known:
+    for name in joints:
         if name.number is not None and fnmatchcase(name.joint, key):
             coordinates.setdefault(name.joint, []).append(name)
     for joint, names in coordinates.items():
-        _several(scope, known, joint, names, raw, path, into)
-    if not coordinates and not any(joint is None for joint in known.values()):
+        _set_coordinates(scope, joints, joint, names, raw, path, settings)
+    if not coordinates and not any(joint is None for joint in joints.values()):
         scope.error(
             Code.COORDINATES, f"pattern `{key}` matches no joint with several coordinates: its value must not be a list", path, key=True,
             help="write one value",
         )
 
 
-def _use(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, into: Settings) -> None:
+def _apply_nested_pose(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, settings: Settings) -> None:
     """Apply an entry such as `leg_*: folded`, which uses the pose `folded` of the nested documents `leg_0`, `leg_1`, ..."""
     matched = references.matching(table, key)
     assemblies = [(name, node) for name, node in matched if node.spec.assembly is not None]
@@ -227,14 +226,14 @@ def _use(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, in
         nested = [name for name, node in table.all_nodes() if node.table is not None]
         if table.unbuilt or any(node.incomplete for _, node in matched):
             return
-        code, message, known, what = Code.NO_MATCH, f"pattern `{key}` matches no nested assembly", nested, "nested assemblies"
+        code, message, candidates, nouns = Code.NO_MATCH, f"pattern `{key}` matches no nested assembly", nested, "nested assemblies"
         if matched:
             code, message = Code.POSE, f"`{key}` is not a nested assembly and has no pose `{pose}`"
         elif not GLOB.search(key):
             code, message = Code.UNKNOWN_JOINT, f"there is no joint or nested assembly `{key}`"
-            known, what = [*_settable(dict(table.all_joints())), *nested], "joints and nested assemblies"
+            candidates, nouns = [*_settable_joints(dict(table.all_joints())), *nested], "joints and nested assemblies"
         notes = references.declaration_note(matched[0][1]) if matched else []
-        scope.error(code, message, path, key=True, help=suggest(key, known, what=what), notes=notes)
+        scope.error(code, message, path, key=True, help=suggest(key, candidates, what=nouns), notes=notes)
         return
     lacking: list[str] = []
     for name, node in assemblies:
@@ -256,10 +255,10 @@ def _use(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, in
             continue
         prefix = name.replace(".", "/")
         for joint, q in inner_pose.values.items():
-            into[f"{prefix}/{joint}"] = (q, (*inner_pose.origins[joint], *scope.origin(path)))
+            settings[f"{prefix}/{joint}"] = (q, (*inner_pose.origins[joint], *scope.origin(path)))
 
 
-def _report_unknown(table: DocumentScope, scope: Scope, known: Joints, key: str, path: Path) -> None:
+def _report_unknown(table: DocumentScope, scope: Scope, joints: Joints, key: str, path: Path) -> None:
     first = key.partition(".")[0]
     node = table.nodes.get(first)
     if table.unbuilt_joints and any(f"{key}_".startswith(prefix) for prefix in table.unbuilt_joints):
@@ -270,7 +269,7 @@ def _report_unknown(table: DocumentScope, scope: Scope, known: Joints, key: str,
         return
     if node is not None and "." in key and node.table is not None and node.table.doubts:
         return
-    names: list[str] = [*_settable(known)]
+    names: list[str] = [*_settable_joints(joints)]
     if node is not None and "." not in key:
         if node.table is not None:
             message, help = f"`{key}` is a nested assembly: its value must be the name of one of its poses", suggest(

@@ -35,22 +35,22 @@ Key = str | Path
 
 def tests(context: ResolveRun, table: DocumentScope, scope: Scope, modes: Sequence[Mode]) -> Iterator[Test]:
     """Yield the resolved tests of a document, in the order of the document. Invalid tests are reported and omitted."""
-    around = context.around(table)
+    elements = context.around(table)
     by_name = {mode.name: mode for mode in modes}
-    for name, written in table.spec.tests.items():
-        limits = [joint and joint.limit for joint in table.joints.values()] if kinds()[written.kind].of_limits else None
-        stated = (written, context.values(scope, f"tests {name}", written), modes, limits, *around)
-        test = context.sound(("test", name), stated, partial(_test, table, scope, by_name, name, written))
+    for name, spec in table.spec.tests.items():
+        limits = [joint and joint.limit for joint in table.joints.values()] if kinds()[spec.kind].of_limits else None
+        inputs = (spec, context.values(scope, f"tests {name}", spec), modes, limits, *elements)
+        test = context.sound(("test", name), inputs, partial(_test, table, scope, by_name, name, spec))
         if test is not None:
             yield test
 
 
-def _test(table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], name: str, written: TestSpec) -> Test | None:
+def _test(table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], name: str, spec: TestSpec) -> Test | None:
     """Resolve a document test. If the test is invalid, report an error and return None."""
-    path: Path = ("tests", name, written.kind)
+    path: Path = ("tests", name, spec.kind)
     reader = Reader(table, scope, modes, path)
-    reader.choose(written.stated)
-    check = kinds()[written.kind].read(written.stated, reader)
+    reader.choose(spec.stated)
+    check = kinds()[spec.kind].read(spec.stated, reader)
     if not reader.sound or check is None:
         return None
     node = node_at(scope.document.tree, path)
@@ -58,7 +58,7 @@ def _test(table: DocumentScope, scope: Scope, modes: Mapping[str, Mode], name: s
         ".".join(str(step) for step in inner): scope.span((*path, *inner)) for inner, _ in walk(node) if inner
     } if isinstance(node, (MappingNode, SequenceNode)) else {}
     return Test(
-        name=name, kind=written.kind, check=check, modes=reader.chosen_modes, poses=reader.chosen_poses, every_pose=reader.every_pose,
+        name=name, kind=spec.kind, check=check, modes=reader.chosen_modes, poses=reader.chosen_poses, every_pose=reader.every_pose,
         origin=scope.origin(("tests", name), key=True), spans=spans,
     )
 
@@ -98,22 +98,22 @@ class Reader:
     # --- values -----------------------------------------------------------------------------------------------------
 
     def number(
-        self, raw: Any, key: Key, dimension: Dimension, what: str | None = None, *, above: float | None = None,
+        self, raw: Any, key: Key, dimension: Dimension, subject: str | None = None, *, above: float | None = None,
         least: float | None = None, most: float | None = None, default: float = numeric.nan,
     ) -> float:
         """Evaluate a number of the test and return it in SI units, or return `default` for None.
 
         If the value is invalid, report an error and return NaN, so that every comparison with the value is false.
 
-        `what` is the name of the value in messages, by default the key.
+        `subject` is the name of the value in messages, by default the key.
         """
         if raw is None:
             return default
-        what = f"`{key}`" if what is None else what
-        value = self.scope.number(raw, self.at(key), dimension, what, above=above, least=least)
+        subject = f"`{key}`" if subject is None else subject
+        value = self.scope.number(raw, self.at(key), dimension, subject, above=above, least=least)
         if value is not None and most is not None and value > most:
             bound = Quantity(most, dimension)
-            self.error(Code.OUT_OF_RANGE, f"{what} must be at most {bound}, found {Quantity(value, dimension)}", key)
+            self.error(Code.OUT_OF_RANGE, f"{subject} must be at most {bound}, found {Quantity(value, dimension)}", key)
         if value is None:
             self.sound = False
             return numeric.nan
@@ -125,23 +125,23 @@ class Reader:
         self.sound = self.sound and vector is not None
         return vector
 
-    def interval(self, said: Sequence[Any], key: Path, dimension: Dimension, what: str) -> tuple[float, float]:
+    def interval(self, values: Sequence[Any], key: Path, dimension: Dimension, subject: str) -> tuple[float, float]:
         """Evaluate an interval, which is given by two values. Return its ends in SI units and in ascending order."""
-        low, high = (self.number(value, (*key, index), dimension, what) for index, value in enumerate(said))
+        low, high = (self.number(value, (*key, index), dimension, subject) for index, value in enumerate(values))
         if low > high:
             self.error(
-                Code.OUT_OF_RANGE, f"{what}: expected the smallest value first, found {Quantity(low, dimension)} before "
+                Code.OUT_OF_RANGE, f"{subject}: expected the smallest value first, found {Quantity(low, dimension)} before "
                 f"{Quantity(high, dimension)}", key, help="swap the two values",
             )
         return low, high
 
-    def bounds(self, low: Any, high: Any, dimension: Dimension, what: str) -> tuple[float | None, float | None]:
+    def bounds(self, low: Any, high: Any, dimension: Dimension, subject: str) -> tuple[float | None, float | None]:
         """Evaluate the bounds `min` and `max` of a test, and return them in SI units. If a bound is not specified, it is None."""
-        least = None if low is None else self.number(low, "min", dimension, f"`min` of {what}", least=0.0)
-        most = None if high is None else self.number(high, "max", dimension, f"`max` of {what}", least=0.0)
+        least = None if low is None else self.number(low, "min", dimension, f"`min` of {subject}", least=0.0)
+        most = None if high is None else self.number(high, "max", dimension, f"`max` of {subject}", least=0.0)
         if least is not None and most is not None and least > most:
             self.error(
-                Code.OUT_OF_RANGE, f"`min` of {what} is above its `max`: {Quantity(least, dimension)} > {Quantity(most, dimension)}",
+                Code.OUT_OF_RANGE, f"`min` of {subject} is above its `max`: {Quantity(least, dimension)} > {Quantity(most, dimension)}",
                 "min", help="swap `min` and `max`",
             )
         return least, most
@@ -164,9 +164,9 @@ class Reader:
         self.sound = self.sound and bool(components)
         return tuple(components)
 
-    def drives(self, said: str | list[str], key: Key) -> tuple[str, ...]:
+    def drives(self, names: str | list[str], key: Key) -> tuple[str, ...]:
         """Return the paths of the driven joints that match names or patterns."""
-        paths = driven_joints(self.table, self.scope, _each(said, self.at(key)))
+        paths = driven_joints(self.table, self.scope, _with_paths(names, self.at(key)))
         self.sound = self.sound and bool(paths)
         return paths
 
@@ -176,45 +176,45 @@ class Reader:
         if name not in self.table.spec.motions and not self.scope.doubts.lacks("motions") and not self.scope.doubts.at(("motions", name)):
             self.error(Code.MOTION, f"there is no motion `{name}`", key, help=suggest(name, self.table.motions, what="motions"))
 
-    def choose(self, written: Any) -> None:
+    def choose(self, specification: Any) -> None:
         """Read the modes and poses in which the test runs, if the document specifies them."""
-        if hasattr(written, "mode"):
-            self.chosen_modes = self._modes(written.mode)
-        if hasattr(written, "pose"):
-            self.chosen_poses, self.every_pose = self._poses(written.pose)
+        if hasattr(specification, "mode"):
+            self.chosen_modes = self._modes(specification.mode)
+        if hasattr(specification, "pose"):
+            self.chosen_poses, self.every_pose = self._poses(specification.pose)
 
-    def _modes(self, said: str | list[str] | None) -> tuple[str, ...]:
+    def _modes(self, names: str | list[str] | None) -> tuple[str, ...]:
         """Return the modes in which the test runs. By default, the test runs only in the first mode of the document."""
         if not self.modes:
             self.sound = False
             return ()
-        if said is None:
+        if names is None:
             return (next(iter(self.modes)),)
-        return self._match_names(said, self.at("mode"), list(self.modes), "mode")
+        return self._match(names, self.at("mode"), list(self.modes), "mode")
 
-    def _poses(self, said: str | list[str] | None) -> tuple[tuple[str | None, ...], bool]:
+    def _poses(self, names: str | list[str] | None) -> tuple[tuple[str | None, ...], bool]:
         """Return the poses in which the test runs, and whether the test runs in all keyframes of each mode."""
-        if said is None:
+        if names is None:
             return (None,), False
-        if said == ALL and ALL not in self.table.poses:
+        if names == ALL and ALL not in self.table.poses:
             return (), True
-        return self._match_names(said, self.at("pose"), list(self.table.poses), "pose"), False
+        return self._match(names, self.at("pose"), list(self.table.poses), "pose"), False
 
-    def _match_names(self, said: str | list[str], path: Path, known: Sequence[str], what: str) -> tuple[str, ...]:
-        """Return the modes or poses that match names or patterns, in the order of `known`. `what` is `mode` or `pose`."""
-        section = f"{what}s"
+    def _match(self, texts: str | list[str], path: Path, known: Sequence[str], noun: str) -> tuple[str, ...]:
+        """Return the modes or poses that match names or patterns, in the order of `known`. `noun` is `mode` or `pose`."""
+        section = f"{noun}s"
         names: set[str] = set()
-        for text, at in _each(said, path):
-            fitting = [text] if text in known else [name for name in known if text == ALL or fnmatchcase(name, text)]
-            names.update(fitting)
-            if fitting:
+        for text, text_path in _with_paths(texts, path):
+            matches = [text] if text in known else [name for name in known if text == ALL or fnmatchcase(name, text)]
+            names.update(matches)
+            if matches:
                 continue
             self.sound = False
             if not self.scope.doubts.lacks(section) and text not in getattr(self.table.spec, section):
-                report_unmatched(self.scope, text, known, at, what, pattern=text == ALL)
+                report_unmatched(self.scope, text, known, text_path, noun, pattern=text == ALL)
         return tuple(name for name in known if name in names)
 
-    def ranges(self, said: str | list[str] | dict[str, Any], key: str) -> Iterator[JointRange]:
+    def ranges(self, specification: str | list[str] | dict[str, Any], key: str) -> Iterator[JointRange]:
         """Yield the joints that the test moves through a range, each with its range.
 
         The specification is `all`, a list of names and patterns, or ranges by name or pattern. If both an exact joint name and a pattern
@@ -223,21 +223,21 @@ class Reader:
         joints = dict(self.table.all_joints())
         movable = {name: joint for name, joint in joints.items() if joint is not None and joint.settable}
         chosen: dict[CoordinateName, tuple[Any, Path]] = {}
-        given = (
-            [(text, value, (key, text)) for text, value in said.items()] if isinstance(said, dict)
-            else [("*", ALL, (key,))] if said == ALL else [(text, ALL, (key, number)) for number, text in enumerate(said)]
+        entries = (
+            [(text, value, (key, text)) for text, value in specification.items()] if isinstance(specification, dict)
+            else [("*", ALL, (key,))] if specification == ALL else [(text, ALL, (key, number)) for number, text in enumerate(specification)]
         )
-        for text, value, at in sorted(given, key=lambda one: one[0] in joints):
-            named = [name for name in joints if text in (name, name.joint)]
-            fitting = named or [name for name in movable if fnmatchcase(name, text)]
-            chosen.update((name, (value, at)) for name in fitting)
-            if fitting or self.table.may_lack_joints():
-                self.sound = self.sound and bool(fitting)
+        for text, value, entry_key in sorted(entries, key=lambda entry: entry[0] in joints):
+            exact = [name for name in joints if text in (name, name.joint)]
+            matches = exact or [name for name in movable if fnmatchcase(name, text)]
+            chosen.update((name, (value, entry_key)) for name in matches)
+            if matches or self.table.may_lack_joints():
+                self.sound = self.sound and bool(matches)
             else:
                 glob = GLOB.search(text)
                 message = f"pattern `{text}` matches no joint that can be moved" if glob else f"there is no joint `{text}`"
                 code = Code.NO_MATCH if glob else Code.UNKNOWN_JOINT
-                self.error(code, message, at, on_key=True, help=suggest(text, movable, what="joints"))
+                self.error(code, message, entry_key, on_key=True, help=suggest(text, movable, what="joints"))
         for name, joint in joints.items():
             if name not in chosen:
                 continue
@@ -246,14 +246,14 @@ class Reader:
             elif joint.settable:
                 yield self._range(name, joint, *chosen[name])
             elif not (joint.kind.at_once and name.number and name.with_number(0) in chosen):  # report a ball joint or free joint once
-                why = f"is {joint.kind.words}" if joint.mimic is None else f"mimics `{joint.mimic.joint}`"
+                reason = f"is {joint.kind.words}" if joint.mimic is None else f"mimics `{joint.mimic.joint}`"
                 self.error(
-                    Code.TEST, f"joint `{name.joint if joint.kind.at_once else name}` {why}: it cannot be moved through a range",
+                    Code.TEST, f"joint `{name.joint if joint.kind.at_once else name}` {reason}: it cannot be moved through a range",
                     chosen[name][1], on_key=True,
                     help="remove the joint from `joints`" if joint.mimic is None else f"move `{joint.mimic.joint}`",
                 )
 
-    def _range(self, name: CoordinateName, joint: Joint, said: Any, key: Path) -> JointRange:
+    def _range(self, name: CoordinateName, joint: Joint, specification: Any, key: Path) -> JointRange:
         """Return the range of positions through which the test moves a joint.
 
         By default, the range is between the limits of the joint, or one turn for a joint without limits.
@@ -262,11 +262,11 @@ class Reader:
         endless = numeric.pi if twist is not None and twist.turns else numeric.inf
         low = joint.limit.lower if joint.limit.lower is not None else -endless
         high = joint.limit.upper if joint.limit.upper is not None else endless
-        if said == ALL and numeric.isinf(high - low):
+        if specification == ALL and numeric.isinf(high - low):
             self.error(Code.TEST, f"joint `{name}` slides without limits, so it cannot have the range `all`", key,
                        help="write a range such as `[-20 mm, 20 mm]`, or give the joint a `limit`")
-        if said != ALL and twist is not None:
-            first, last = self.interval(said, key, twist.coordinate, f"the range of joint `{name}`")
+        if specification != ALL and twist is not None:
+            first, last = self.interval(specification, key, twist.coordinate, f"the range of joint `{name}`")
             if joint.kind.may_stop and (first < low - 1e-9 or last > high + 1e-9):
                 ends = " to ".join(twist.format(end) if numeric.isfinite(end) else "unlimited" for end in (low, high))
                 self.error(
@@ -277,6 +277,6 @@ class Reader:
         return JointRange(joint=name.path, lower=low, upper=high)
 
 
-def _each(said: str | list[str], path: Path) -> list[tuple[str, Path]]:
+def _with_paths(value: str | list[str], path: Path) -> list[tuple[str, Path]]:
     """Convert a value that is a string or a list of strings to a list of pairs of a string and its path in the document."""
-    return [(said, path)] if isinstance(said, str) else [(text, (*path, index)) for index, text in enumerate(said)]
+    return [(value, path)] if isinstance(value, str) else [(text, (*path, index)) for index, text in enumerate(value)]

@@ -353,8 +353,8 @@ class Loops:
     ) -> list[float] | None:
         """Return a damped least-squares step in the units of the coordinates.
 
-        Of all solutions, the step is the one nearest to `preferred`, or the shortest if `preferred` is None. Return None if the equations
-        are numerically singular.
+        If the step is not unique, return the step nearest to `preferred`, or the shortest step if `preferred` is None. Return None if the
+        equations are numerically singular.
         """
         preferred = [0.0] * len(columns) if preferred is None else preferred
         step = [0.0] * len(columns)
