@@ -66,7 +66,8 @@ def _surfaces(shape: LinkShape, material: Material | None, meshes: Meshes) -> It
             if piece.mesh == record.mesh:
                 yield _mesh_surface(shape, solid, record, material, color)
             else:
-                yield Surface(solid=piece.mesh, material=material, color=color, pose=shape.pose, name=f"{solid.name}_{number}", title=shape.name)
+                name = f"{solid.name}_{number}"
+                yield Surface(solid=piece.mesh, material=material, color=color, pose=shape.pose, name=name, title=shape.name)
 
 
 def _touching(shape: LinkShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
