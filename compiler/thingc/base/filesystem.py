@@ -57,10 +57,10 @@ def open_file(path: str) -> BufferedReader:
     return open(path, "rb")
 
 
-def beginning(path: str, most: int) -> bytes:
-    """Return the first `most` bytes of a file, or the whole file if it is shorter. Raises the same errors as `open_file`."""
+def beginning(path: str, count: int) -> bytes:
+    """Return the first `count` bytes of a file, or the whole file if it is shorter. Raises the same errors as `open_file`."""
     with open_file(path) as stream:
-        return stream.read(most)
+        return stream.read(count)
 
 
 def without_suffix(path: str) -> str:
@@ -127,9 +127,9 @@ def write_new(path: str, data: bytes, mode: int = 0o666) -> None:
     """
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | BINARY, mode)  # O_EXCL does not follow links
     try:
-        rest = memoryview(data)
-        while rest:
-            rest = rest[os.write(descriptor, rest):]
+        remaining = memoryview(data)
+        while remaining:
+            remaining = remaining[os.write(descriptor, remaining):]
     finally:
         os.close(descriptor)
 
@@ -143,17 +143,17 @@ def write_whole(path: str, data: bytes, check: Callable[[], None] = lambda: None
     with contextlib.suppress(OSError), open_file(path) as stream:
         if stream.read() == data:
             return False
-    fresh = os.path.join(os.path.dirname(path), f".{os.path.basename(path)}.thingc-{os.getpid()}-{os.urandom(4).hex()}")
+    temporary = os.path.join(os.path.dirname(path), f".{os.path.basename(path)}.thingc-{os.getpid()}-{os.urandom(4).hex()}")
     try:
-        there = os.path.exists(path)
-        write_new(fresh, data, 0o600 if there else 0o666)
-        if there:
-            os.chmod(fresh, os.stat(path).st_mode & 0o7777)
+        exists = os.path.exists(path)
+        write_new(temporary, data, 0o600 if exists else 0o666)
+        if exists:
+            os.chmod(temporary, os.stat(path).st_mode & 0o7777)
         check()
-        os.replace(fresh, path)
+        os.replace(temporary, path)
     finally:
         with contextlib.suppress(FileNotFoundError):  # the file has been renamed
-            os.unlink(fresh)
+            os.unlink(temporary)
     return True
 
 

@@ -5,37 +5,37 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
-MAX_CIRCLE = 12
+MAX_CYCLE = 12
 """Maximum number of members of a cycle that are shown."""
 
 T = TypeVar("T", bound=Hashable)
 
 
-def find_cycles(starts: Iterable[T], after: Callable[[T], T | None]) -> Iterator[list[T]]:
+def find_cycles(starts: Iterable[T], successor: Callable[[T], T | None]) -> Iterator[list[T]]:
     """Yield each cycle of a directed graph in which every node has at most one successor. A cycle is a list of its nodes.
 
     The search follows the successors of each node in `starts`. `after(node)` returns the successor of a node, or None. Each cycle is
     yielded once, beginning with the node that the search reaches first.
     """
-    done: set[T] = set()
+    visited: set[T] = set()
     for start in starts:
-        way: dict[T, None] = {}
-        at: T | None = start
-        while at is not None and at not in done and at not in way:
-            way[at] = None
-            at = after(at)
-        done.update(way)
-        if at in way:
-            steps = list(way)
-            yield steps[steps.index(at):]
+        path: dict[T, None] = {}
+        node: T | None = start
+        while node is not None and node not in visited and node not in path:
+            path[node] = None
+            node = successor(node)
+        visited.update(path)
+        if node in path:
+            steps = list(path)
+            yield steps[steps.index(node):]
 
 
-def circle_words(names: Sequence[str]) -> str:
+def format_cycle(names: Sequence[str]) -> str:
     """Format a cycle of names as text, such as `a -> b -> a`, which ends with the first name. The middle of a long cycle is omitted."""
-    shown = [f"`{name}`" for name in names]
-    if len(shown) > MAX_CIRCLE:
-        shown = [*shown[: MAX_CIRCLE - 2], f"... ({len(shown) - MAX_CIRCLE + 1} more)", shown[-1]]
-    return " -> ".join([*shown, f"`{names[0]}`"])
+    quoted = [f"`{name}`" for name in names]
+    if len(quoted) > MAX_CYCLE:
+        quoted = [*quoted[: MAX_CYCLE - 2], f"... ({len(quoted) - MAX_CYCLE + 1} more)", quoted[-1]]
+    return " -> ".join([*quoted, f"`{names[0]}`"])
 
 
 class DisjointSets:
@@ -45,20 +45,20 @@ class DisjointSets:
     """
 
     def __init__(self, count: int) -> None:
-        self._above = list(range(count))
+        self._parents = list(range(count))
 
-    def join(self, one: int, other: int) -> bool:
-        """Merge the set that contains `one` with the set that contains `other`.
+    def join(self, a: int, b: int) -> bool:
+        """Merge the set that contains `a` with the set that contains `b`.
 
         Return False if both numbers were already in the same set.
         """
-        one, other = self.representative(one), self.representative(other)
-        self._above[max(one, other)] = min(one, other)
-        return one != other
+        a, b = self.representative(a), self.representative(b)
+        self._parents[max(a, b)] = min(a, b)
+        return a != b
 
     def representative(self, number: int) -> int:
         """Return the smallest number of the set that contains `number`."""
-        while self._above[number] != number:
-            self._above[number] = self._above[self._above[number]]
-            number = self._above[number]
+        while self._parents[number] != number:
+            self._parents[number] = self._parents[self._parents[number]]
+            number = self._parents[number]
         return number

@@ -21,20 +21,20 @@ class Memo:
     which is fast for identical objects. 0.0 and -0.0 are equal, which does not affect any output.
     """
 
-    __slots__ = ("_kept",)
+    __slots__ = ("_entries",)
 
     def __init__(self) -> None:
-        self._kept: dict[Hashable, tuple[tuple[Any, ...], Any]] = {}
+        self._entries: dict[Hashable, tuple[tuple[Any, ...], Any]] = {}
 
     def __call__(self, place: Hashable, function: Callable[..., Answer], *inputs: Any) -> Answer:
         """Return `function(*inputs)`.
 
         If the most recent call for the key `place` had equal inputs, return the cached result of this call.
         """
-        known = self._kept.get(place)
-        if known is not None and known[0] == inputs:
-            kept: Answer = known[1]
-            return kept
+        entry = self._entries.get(place)
+        if entry is not None and entry[0] == inputs:
+            cached: Answer = entry[1]
+            return cached
         answer = function(*inputs)
         self.keep(place, inputs, answer)
         return answer
@@ -45,14 +45,14 @@ class Memo:
 
     def last(self, place: Hashable, inputs: tuple[Any, ...]) -> Any | None:
         """Return the result that `keep` stored for the key `place`, if it was stored with equal inputs, otherwise None."""
-        known = self._kept.get(place)
-        return known[1] if known is not None and known[0] == inputs else None
+        entry = self._entries.get(place)
+        return entry[1] if entry is not None and entry[0] == inputs else None
 
     def keep(self, place: Hashable, inputs: tuple[Any, ...], answer: Any) -> None:
         """Store the result `answer` of a function and the inputs of the call under the key `place`."""
-        if len(self._kept) >= PLACES:
-            self._kept.clear()
-        self._kept[place] = (inputs, answer)
+        if len(self._entries) >= PLACES:
+            self._entries.clear()
+        self._entries[place] = (inputs, answer)
 
     def same(self, place: Hashable, value: Answer) -> Answer:
         """Return the object that is cached under the key `place` if it equals `value`.
@@ -61,8 +61,8 @@ class Memo:
 
         Returning the same object for equal values makes later comparisons fast.
         """
-        kept: Answer | None = self.last(place, (value,))
-        if kept is not None:
-            return kept
+        cached: Answer | None = self.last(place, (value,))
+        if cached is not None:
+            return cached
         self.keep(place, (value,), value)
         return value

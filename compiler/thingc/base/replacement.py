@@ -35,20 +35,20 @@ def replace_files(changes: Mapping[str, Change]) -> None:
     Each file is replaced by an atomic rename. Symbolic links are followed, and the modes of files are preserved. Other processes that
     replace files in the same folders wait until this function has finished.
     """
-    done: list[str] = []
+    replaced: list[str] = []
     with contextlib.ExitStack() as locks:
         for folder in sorted({os.path.dirname(os.path.realpath(path)) for path in changes}):
             _lock(folder, locks)
         try:
-            for path, (before, _) in changes.items():
-                _compare(path, before)
+            for path, (old, _) in changes.items():
+                _compare(path, old)
             for path, change in changes.items():
                 _replace(path, *change)
-                done.append(path)
+                replaced.append(path)
         except BaseException as fault:
-            for other in done:
+            for replaced_path in replaced:
                 with contextlib.suppress(OSError, ReplacementRefused):
-                    _replace(other, *reversed(changes[other]))
+                    _replace(replaced_path, *reversed(changes[replaced_path]))
             if isinstance(fault, OSError):
                 message = f"cannot write `{shown_path(path)}`: {(fault.strerror or str(fault)).lower()}"
                 raise ReplacementRefused(message, "free disk space, or use another folder" if fault.errno in NO_ROOM else None) from fault
@@ -64,13 +64,13 @@ def provisional(files: Mapping[str, Change]) -> Iterator[Callable[[Mapping[str, 
     manager and the yielded function can raise `ReplacementRefused`.
     """
     folders = list(dict.fromkeys(folder for path in files for folder in _missing(os.path.dirname(path))))
-    kept = False
+    keep_new = False
 
-    def keep(others: Mapping[str, Change]) -> None:
-        nonlocal kept
-        if others:
-            replace_files({**{path: (after, after) for path, (_, after) in files.items()}, **others})
-        kept = True
+    def keep(further: Mapping[str, Change]) -> None:
+        nonlocal keep_new
+        if further:
+            replace_files({**{path: (new, new) for path, (_, new) in files.items()}, **further})
+        keep_new = True
 
     try:
         for folder in folders:
@@ -78,9 +78,9 @@ def provisional(files: Mapping[str, Change]) -> Iterator[Callable[[Mapping[str, 
         replace_files(files)
         yield keep
     finally:
-        for path, (before, after) in files.items() if not kept else ():
+        for path, (old, new) in files.items() if not keep_new else ():
             with contextlib.suppress(ReplacementRefused):
-                replace_files({path: (after, before)})
+                replace_files({path: (new, old)})
         for folder in reversed(folders):
             with contextlib.suppress(OSError):  # the folder is not empty
                 os.rmdir(folder)
@@ -106,20 +106,20 @@ def _lock(folder: str, locks: contextlib.ExitStack) -> None:
             time.sleep(PAUSE)
 
 
-def _compare(path: str, before: bytes | None) -> None:
-    now = None
+def _compare(path: str, expected: bytes | None) -> None:
+    content = None
     if os.path.lexists(path):
         with open_file(path) as stream:
-            now = stream.read()
-    if now != before:
+            content = stream.read()
+    if content != expected:
         raise ReplacementRefused(f"`{shown_path(path)}` changed while this command ran", "Run the command again.")
 
 
-def _replace(path: str, before: bytes | None, after: bytes | None) -> None:
+def _replace(path: str, old: bytes | None, new: bytes | None) -> None:
     target = os.path.realpath(path)
-    if after is None and before is not None:
-        _compare(path, before)
+    if new is None and old is not None:
+        _compare(path, old)
         os.unlink(target)
-    if after is None or after == before:
+    if new is None or new == old:
         return
-    write_whole(target, after, lambda: _compare(path, before))
+    write_whole(target, new, lambda: _compare(path, old))

@@ -24,13 +24,13 @@ _UNSEEN = re.compile("[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u3164\ufe00-\
 """Characters that Unicode ignores by default (`Default_Ignorable_Code_Point`) and Python considers printable."""
 
 
-def escape_control(text: str, *, most: int = LONGEST) -> str:
+def escape_control(text: str, *, limit: int = LONGEST) -> str:
     """Return `text` in one line. Control characters and invisible characters are replaced by Python escapes such as `\\x1b` or `\\n`.
 
     Lone surrogates (`\\ud800`), such as undecodable bytes of file names, are also escaped. Printable characters of any script are
-    unchanged. Strings with more than `most` characters are abbreviated in the middle.
+    unchanged. Strings with more than `limit` characters are abbreviated in the middle.
     """
-    text = _cut(text, most)
+    text = _cut(text, limit)
     return text if _is_printable(text) else "".join(map(_escape, text))
 
 
@@ -46,7 +46,7 @@ def shown_line(line: str) -> str:
 
     Tabs remain, and long lines are not abbreviated.
     """
-    return "\t".join(escape_control(piece, most=len(piece)) for piece in line.split("\t"))
+    return "\t".join(escape_control(piece, limit=len(piece)) for piece in line.split("\t"))
 
 
 def abbreviate(message: str) -> str:
@@ -59,15 +59,15 @@ def abbreviate(message: str) -> str:
     return _cut(_QUOTE.sub(lambda quote: f"`{_cut(quote[1], LONGEST_QUOTE)}`", message), LONGEST)
 
 
-def some(words: Sequence[str], most: int, *, between: str = ", ") -> str:
-    """Join the first `most` strings of a list, and append the number of the remaining strings: `a, b and 3 more`."""
-    first = between.join(words[:most])
-    return f"{first} and {len(words) - most} more" if len(words) > most else first
+def some(texts: Sequence[str], limit: int, *, separator: str = ", ") -> str:
+    """Join the first `limit` strings of a list, and append the number of the remaining strings: `a, b and 3 more`."""
+    first = separator.join(texts[:limit])
+    return f"{first} and {len(texts) - limit} more" if len(texts) > limit else first
 
 
-def quote_names(names: Sequence[str], most: int) -> str:
-    """Put the first `most` names in backquotes and join them, and append the number of the remaining names."""
-    return some([f"`{name}`" for name in names], most)
+def quote_names(names: Sequence[str], limit: int) -> str:
+    """Put the first `limit` names in backquotes and join them, and append the number of the remaining names."""
+    return some([f"`{name}`" for name in names], limit)
 
 
 def find_invisible(name: str) -> str:
@@ -115,12 +115,12 @@ def _json_escaped(character: str) -> str:
     return character if _is_printable(character) else encode_basestring_ascii(character)[1:-1]
 
 
-def _cut(text: str, most: int) -> str:
-    """Abbreviate a string to about `most` characters by its beginning, its length and its end: `abc... (5000 characters) ...xyz`."""
-    if len(text) <= most:
+def _cut(text: str, limit: int) -> str:
+    """Replace the middle of a string by its length if it has more than `limit` characters: `abc... (5000 characters) ...xyz`."""
+    if len(text) <= limit:
         return text
-    tail = most // 4
-    return f"{text[: most - tail]}... ({len(text)} characters) ...{text[len(text) - tail :]}"
+    tail = limit // 4
+    return f"{text[: limit - tail]}... ({len(text)} characters) ...{text[len(text) - tail :]}"
 
 
 _ESCAPED = {ord("<"): "\\u003c", ord(">"): "\\u003e", ord("&"): "\\u0026"}

@@ -16,11 +16,11 @@ def closest_name(name: str, candidates: Iterable[str]) -> str | None:
     Return None if no candidate or several candidates are possible. A misspelling has an extra, missing or swapped letter, a different case,
     or, in names with at least five letters, a wrong letter. A different digit is not a misspelling: `foot_1` is not a misspelled `foot_0`.
     """
-    near = {candidate for candidate in candidates if candidate == name or _is_slip(name, candidate)}
-    return near.pop() if len(near) == 1 and name not in near else None
+    matches = {candidate for candidate in candidates if candidate == name or _is_misspelling(name, candidate)}
+    return matches.pop() if len(matches) == 1 and name not in matches else None
 
 
-def _is_slip(name: str, candidate: str) -> bool:
+def _is_misspelling(name: str, candidate: str) -> bool:
     if min(len(name), len(candidate)) < 2 or [c for c in name if c.isdigit()] != [c for c in candidate if c.isdigit()]:
         return False
     if name.lower() == candidate.lower():
@@ -58,9 +58,9 @@ MAX_CANDIDATES = 1000
 MAX_COMPARED = 20
 
 
-def _common_ends(one: str, other: str) -> int:
+def _common_ends(a: str, b: str) -> int:
     """Return the length of the common prefix of two names plus the length of their common suffix."""
-    return len(os.path.commonprefix((one, other))) + len(os.path.commonprefix((one[::-1], other[::-1])))
+    return len(os.path.commonprefix((a, b))) + len(os.path.commonprefix((a[::-1], b[::-1])))
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
@@ -72,37 +72,37 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
     import difflib
 
     listed = sorted(candidates) if isinstance(candidates, (set, frozenset)) else candidates
-    known = sorted({candidate for candidate in islice(listed, MAX_CANDIDATES) if len(candidate) <= MAX_NAME})
+    names = sorted({candidate for candidate in islice(listed, MAX_CANDIDATES) if len(candidate) <= MAX_NAME})
     if len(name) > MAX_NAME:
         return None
-    lowered: dict[str, str] = {candidate.lower(): candidate for candidate in reversed(known)}
+    lowered: dict[str, str] = {candidate.lower(): candidate for candidate in reversed(names)}
     if name.lower() in lowered:
         return lowered[name.lower()]
-    if len(known) > MAX_COMPARED:
-        known.sort(key=lambda candidate: -_common_ends(name, candidate))
-        known = sorted(known[:MAX_COMPARED])
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    if len(names) > MAX_COMPARED:
+        names.sort(key=lambda candidate: -_common_ends(name, candidate))
+        names = sorted(names[:MAX_COMPARED])
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
     return close[0] if close else None
 
 
 def near_hint(name: str, candidates: Iterable[str]) -> Suggestion | None:
     """Return the hint `did you mean ...?` with the candidate that is most similar to `name`. Return None if no candidate is similar."""
-    known = list(candidates)
-    close = nearest(name, known)
+    names = list(candidates)
+    close = nearest(name, names)
     if close is None:
         return None
-    return Suggestion(f"did you mean `{close}`?", (name, close) if closest_name(name, known) == close else None)
+    return Suggestion(f"did you mean `{close}`?", (name, close) if closest_name(name, names) == close else None)
 
 
 def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -> Hint:
     """Return a help text for an unknown name: the most similar known name, or else a list of at most twelve known names."""
-    known = sorted(set(candidates))
-    close = near_hint(name, known)
+    names = sorted(set(candidates))
+    close = near_hint(name, names)
     if close is not None:
         return close
-    if not known:
+    if not names:
         return f"there are no {what} here"
-    return f"known {what}: {quote_names(known, 12)}"
+    return f"known {what}: {quote_names(names, 12)}"
 
 
 def file_meant(name: str, files: Iterable[str], *, what: str = "files") -> Hint:
@@ -110,6 +110,6 @@ def file_meant(name: str, files: Iterable[str], *, what: str = "files") -> Hint:
     by_stem = {os.path.splitext(file)[0]: file for file in sorted(files, reverse=True)}
     close = nearest(os.path.splitext(name)[0], by_stem)
     if close is not None:
-        sure = closest_name(os.path.splitext(name)[0], by_stem) == close and by_stem[close].endswith(os.path.splitext(name)[1])
-        return Suggestion(f"did you mean `{by_stem[close]}`?", (name, by_stem[close]) if sure else None)
+        certain = closest_name(os.path.splitext(name)[0], by_stem) == close and by_stem[close].endswith(os.path.splitext(name)[1])
+        return Suggestion(f"did you mean `{by_stem[close]}`?", (name, by_stem[close]) if certain else None)
     return did_you_mean("", by_stem.values(), what=what)

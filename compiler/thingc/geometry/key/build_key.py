@@ -57,7 +57,7 @@ def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str:
     phrases = list(dict.fromkeys(_phrase(label, old, new) for label in changed))
     if not phrases:
         return "no dependency changed"
-    return some(phrases, 3, between="; ")
+    return some(phrases, 3, separator="; ")
 
 
 def _phrase(label: str, old: Mapping[str, str], new: Mapping[str, str]) -> str:

@@ -131,7 +131,7 @@ class Results:
         for candidate in self._candidates("record", key)[:1]:
             changed = [(path, state, now) for path, state in candidate["reads"] if (now := self.state(path, state)) != state]
             if changed:
-                return some([_change_text(path, state, now) for path, state, now in changed], 3, between="; ")
+                return some([_change_text(path, state, now) for path, state, now in changed], 3, separator="; ")
         return None
 
 

@@ -125,7 +125,7 @@ class Tree:
                 scope = instance.assembly
                 self.assemblies.append((instance, scope))
                 if not scope.whole:
-                    self.findings.leave_out()
+                    self.findings.mark_incomplete()
                 for inner in scope.components:
                     nested = inner.definition if isinstance(inner.definition, AssemblyDefinition) else None
                     path, unit = instance.within(inner.name), instance.unit
@@ -139,7 +139,7 @@ class Tree:
             elif component is not None:
                 instance.part = instances.of(component, scope, instance.path, instance.origin)
                 if instance.part is None:
-                    self.findings.leave_out()
+                    self.findings.mark_incomplete()
                 else:
                     instance.index = len(self.occurrences)
                     self.occurrences.append(instance)
@@ -148,7 +148,7 @@ class Tree:
         for instance, definition in reversed(self.assemblies):  # children first, because the base may itself be an assembly
             bases = unplaced_components(definition)
             if len(bases) != 1:
-                self.findings.leave_out()
+                self.findings.mark_incomplete()
             if bases:
                 instance.base = instance.children[bases[0]]
                 instance.index = instance.base.index
@@ -209,7 +209,7 @@ class Tree:
         return None if place is None else tuple(occurrence.index for occurrence in place.occurrences() if occurrence.index is not None)
 
     def _report_fault(self, fault: _Fault, reference: Reference, instance: Instance) -> None:
-        self.findings.leave_out()
+        self.findings.mark_incomplete()
         # A `repeat` or a nested document that is used twice creates many references from one line, but the line is reported once.
         place = (fault.code, re.sub(r"\d+", "#", reference.text), reference.origin[:1])
         if not fault.silent and place not in self._reported:

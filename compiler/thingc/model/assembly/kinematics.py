@@ -22,22 +22,22 @@ def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dic
     If joints mimic each other in a cycle, which the pass `resolve` reports, all of these joints are at 0.
     """
     by_path = {joint.path: joint for joint in joints}
-    known: dict[str, float] = {}
+    positions: dict[str, float] = {}
     for path in by_path:
         chain: dict[str, None] = {}
         step = path
-        while step not in known:
+        while step not in positions:
             mimic = by_path[step].mimic
             if step in values or mimic is None or mimic.joint.path not in by_path or step in chain:
-                known[step] = values.get(step, 0.0)
+                positions[step] = values.get(step, 0.0)
                 break
             chain[step] = None
             step = mimic.joint.path
         for follower in reversed(list(chain)):
             mimic = by_path[follower].mimic
-            if mimic is not None and follower not in known:
-                known[follower] = mimic.at(known[mimic.joint.path])
-    return {path: known[path] for path in by_path}
+            if mimic is not None and follower not in positions:
+                positions[follower] = mimic.at(positions[mimic.joint.path])
+    return {path: positions[path] for path in by_path}
 
 
 def leaders(joints: Iterable[JointEdge], q: Mapping[str, float] | None = None) -> dict[str, tuple[str, float, float]]:
@@ -54,13 +54,13 @@ def leaders(joints: Iterable[JointEdge], q: Mapping[str, float] | None = None) -
     followed: dict[str, tuple[str, float, float]] = {}
     for path, joint in by_path.items():
         leader, multiplier, offset, mimic = path, 1.0, 0.0, joint.mimic
-        met = [path]
-        while mimic is not None and mimic.joint.path in by_path and mimic.joint.path not in met:  # cycles are reported elsewhere
+        visited = [path]
+        while mimic is not None and mimic.joint.path in by_path and mimic.joint.path not in visited:  # cycles are reported elsewhere
             slope, start = mimic.tangent(q[mimic.joint.path])
             offset += multiplier * start
             multiplier *= slope
             leader = mimic.joint.path
-            met.append(leader)
+            visited.append(leader)
             mimic = by_path[leader].mimic
         followed[path] = leader, multiplier, offset
     return followed
@@ -87,8 +87,8 @@ def across(mate: Mate, q: Mapping[str, float]) -> Pose:
 
 def balls(joints: Iterable[JointEdge]) -> Iterator[tuple[JointEdge, ...]]:
     """Yield the three rotations of every ball joint and free joint. `joints` contains the coordinates of all joints of the robot."""
-    for _, own in groupby((joint for joint in joints if joint.kind.at_once and joint.twist.turns), key=lambda joint: joint.name.joint):
-        yield tuple(own)
+    rotations = (joint for joint in joints if joint.kind.at_once and joint.twist.turns)
+    return (tuple(group) for _, group in groupby(rotations, key=lambda joint: joint.name.joint))
 
 
 def in_cones(balls: Iterable[tuple[JointEdge, ...]], q: Mapping[str, float]) -> dict[str, float]:
@@ -123,27 +123,27 @@ def on_loops(count: int, mates: Sequence[Mate]) -> frozenset[str]:
     if not closing:
         return frozenset()
     neighbours = neighbourhood(count, mates)
-    above: dict[int, tuple[int, int, int]] = {}  # for each occurrence: its predecessor, the mate to the predecessor, and its depth
+    predecessors: dict[int, tuple[int, int, int]] = {}  # for each occurrence: its predecessor, the mate to the predecessor, and its depth
     for start in range(count):
-        if start in above:
+        if start in predecessors:
             continue
-        above[start] = (start, -1, 0)
+        predecessors[start] = (start, -1, 0)
         waiting = [start]
         while waiting:
-            here = waiting.pop()
-            for number in neighbours[here]:
-                there = mates[number].child if mates[number].parent == here else mates[number].parent
-                if there not in above:
-                    above[there] = (here, number, above[here][2] + 1)
-                    waiting.append(there)
+            occurrence = waiting.pop()
+            for number in neighbours[occurrence]:
+                neighbour = mates[number].child if mates[number].parent == occurrence else mates[number].parent
+                if neighbour not in predecessors:
+                    predecessors[neighbour] = (occurrence, number, predecessors[occurrence][2] + 1)
+                    waiting.append(neighbour)
     paths: set[str] = set()
     for mate in closing:
         paths.update(joint.path for joint in mate.joints)
-        one, other = mate.parent, mate.child
-        while one != other:
-            if above[one][2] < above[other][2]:
-                one, other = other, one
-            one, number, _ = above[one]
+        a, b = mate.parent, mate.child
+        while a != b:
+            if predecessors[a][2] < predecessors[b][2]:
+                a, b = b, a
+            a, number, _ = predecessors[a]
             if number < 0:
                 break
             paths.update(joint.path for joint in mates[number].joints)
@@ -159,16 +159,16 @@ def forward_kinematics(
     `q` maps joint paths to positions [rad or m]. Positions that are missing in `q` are 0. If `rigid` is True, the search remains in the
     link of `start`. The results are in the same reference frame as `base`. The time is linear in the number of connected occurrences.
     """
-    at = {start: base}
+    poses = {start: base}
     waiting = [start]
     while waiting:
-        here = waiting.pop()
-        for number in neighbours[here]:
+        occurrence = waiting.pop()
+        for number in neighbours[occurrence]:
             mate = mates[number]
-            there = mate.child if mate.parent == here else mate.parent
-            if there in at or (rigid and mate.separates):
+            neighbour = mate.child if mate.parent == occurrence else mate.parent
+            if neighbour in poses or (rigid and mate.separates):
                 continue
             step = across(mate, q)
-            at[there] = at[here] @ (step if mate.parent == here else step.inverse())
-            waiting.append(there)
-    return at
+            poses[neighbour] = poses[occurrence] @ (step if mate.parent == occurrence else step.inverse())
+            waiting.append(neighbour)
+    return poses

@@ -84,7 +84,7 @@ def _sum_masses(properties: Sequence[MassProperties], poses: Sequence[Pose]) -> 
 
     The mass properties of each body are in the frame of the body, and `poses` contains the poses of these frames.
     """
-    return total(own.seen_from(pose) for own, pose in zip(properties, poses, strict=True))
+    return total(body.seen_from(pose) for body, pose in zip(properties, poses, strict=True))
 
 
 def _namings(tree: Tree, link_of: Sequence[int]) -> dict[int, _Naming]:
@@ -98,37 +98,37 @@ def _namings(tree: Tree, link_of: Sequence[int]) -> dict[int, _Naming]:
         for line in definition.links:
             place = tree.component(instance, line.component)
             if place is None or place.index is None:
-                tree.findings.leave_out()
+                tree.findings.mark_incomplete()
                 continue
             link = link_of[place.index]
             naming = _Naming(
                 name=instance.within(line.name), occurrence=place.index, depth=depth, document=instance.path,
                 origin=line.origin + instance.origin,
             )
-            other = chosen.get(link)
-            if other is not None and other.document == naming.document:
-                before = other.name.rsplit("/", 1)[-1]
+            earlier = chosen.get(link)
+            if earlier is not None and earlier.document == naming.document:
+                earlier_name = earlier.name.rsplit("/", 1)[-1]
                 tree.findings.error(
-                    Code.LINK_NAMED_TWICE, f"`{line.name}` and `{before}` name the same link: no joint separates their components",
+                    Code.LINK_NAMED_TWICE, f"`{line.name}` and `{earlier_name}` name the same link: no joint separates their components",
                     naming.origin, path=naming.name, help="remove one of the two names",
-                    notes=make_notes(f"`{before}` is defined here", other.origin),
+                    notes=make_notes(f"`{earlier_name}` is defined here", earlier.origin),
                 )
-            elif other is None or naming.depth < other.depth:
+            elif earlier is None or naming.depth < earlier.depth:
                 chosen[link] = naming
     return chosen
 
 
-def _clash(other: Link, link: Link, *, named: bool, occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
+def _clash(earlier: Link, link: Link, *, named: bool, occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
     """Report two links with the same name.
 
     The section `links:` specifies the name of one link, and the other link has the name of its first occurrence.
     """
-    written, called = (link, other) if named else (other, link)
-    first = occurrences[called.members[0]]
+    named_link, unnamed_link = (link, earlier) if named else (earlier, link)
+    first = occurrences[unnamed_link.members[0]]
     findings.error(
-        Code.DUPLICATE_LINK, f"`{link.name}` names two links: this link and the link of component `{first.path}`", written.origin,
+        Code.DUPLICATE_LINK, f"`{link.name}` names two links: this link and the link of component `{first.path}`", named_link.origin,
         path=link.name, help=f"choose another name, or give the link of `{first.path}` another name under `links:`",
-        notes=make_notes(f"`{first.path}` is defined here", called.origin),
+        notes=make_notes(f"`{first.path}` is defined here", unnamed_link.origin),
     )
 
 
@@ -142,12 +142,12 @@ def links_between(
     fixed joints nor ball joints nor part of a loop.
     """
     ends: dict[int, list[Mate]] = {link.index: [] for link in links if link.properties.mass == 0.0 and link.properties.inertia == ZERO}
-    busy = [mount.occurrence for mount in adhesions]
+    used = [mount.occurrence for mount in adhesions]
     for mode in modes:
-        busy += [hold.mount.occurrence for hold in mode.holds] + [foot.mount.occurrence for foot in mode.feet]
-    for one in occurrences:
-        if one.drawn or one.touching or one.index in busy:
-            ends.pop(link_of[one.index], None)
+        used += [hold.mount.occurrence for hold in mode.holds] + [foot.mount.occurrence for foot in mode.feet]
+    for part in occurrences:
+        if part.drawn or part.touching or part.index in used:
+            ends.pop(link_of[part.index], None)
     for mate in mates:
         if mate.separates:
             for link in (link_of[mate.parent], link_of[mate.child]):
@@ -190,8 +190,8 @@ def joined_links(assembly: Assembly, root: int | None = None) -> Iterator[tuple[
             at.setdefault(link, []).append(pair)
     between = frozenset() if root is None else assembly.between - {root}
     for pair in ends:
-        for one in groups[_beyond(between, at, pair[0], pair)]:
-            yield from ((one, other) for other in groups[_beyond(between, at, pair[1], pair)] if other != one)
+        for a in groups[_beyond(between, at, pair[0], pair)]:
+            yield from ((a, b) for b in groups[_beyond(between, at, pair[1], pair)] if b != a)
 
 
 def _beyond(between: Collection[int], at: dict[int, list[tuple[int, int]]], link: int, pair: tuple[int, int]) -> int:

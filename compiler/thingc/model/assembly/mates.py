@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 
 from thingc.base.diagnostics import Code, make_notes
-from thingc.base.graphs import MAX_CIRCLE, find_cycles
+from thingc.base.graphs import MAX_CYCLE, find_cycles
 from thingc.base.joints.twist import Twist
 from thingc.base.memo import Memo
 from thingc.base.pose import IDENTITY, MATE, NO_POSE, Pose, make_translation, turned_x
@@ -89,7 +89,7 @@ def _joint_mates(tree: Tree, instance: Instance, coordinates: Sequence[Joint], m
     if child is None or parent is None:
         return
     if joint.child.path[:1] == joint.parent.path[:1] and not joint.loop:  # a loop may connect two parts of one nested assembly
-        tree.findings.leave_out()
+        tree.findings.mark_incomplete()
         tree.findings.error(
             Code.PLACED_ON_ITSELF,
             f"joint `{joint.name.joint}` connects `{joint.child.path[0]}` with itself: its mounts are `{joint.parent.text}` and "
@@ -188,7 +188,7 @@ def _check_cycles(instance: Instance, definition: AssemblyDefinition, findings: 
     If an earlier pass has reported that the assembly has no base, the cycle is not reported.
     """
     if findings.earlier and not unplaced_components(definition):
-        findings.leave_out()
+        findings.mark_incomplete()
         return
     placements = _placements_of(definition)
     jointed = {joint.child.path[0] for joint in definition.joints if joint.child.path}
@@ -196,15 +196,15 @@ def _check_cycles(instance: Instance, definition: AssemblyDefinition, findings: 
     for cycle in find_cycles(placements, lambda name: placements[name][0] if name in placements else None):
         first = cycle.index(min(cycle, key=order.__getitem__))
         cycle = cycle[first:] + cycle[:first]
-        hops = ", ".join(f"`{member}` on `{placements[member][0]}`" for member in cycle[:MAX_CIRCLE])
-        if len(cycle) > MAX_CIRCLE:
-            hops += f" and {len(cycle) - MAX_CIRCLE} more"
-        findings.leave_out()
+        hops = ", ".join(f"`{member}` on `{placements[member][0]}`" for member in cycle[:MAX_CYCLE])
+        if len(cycle) > MAX_CYCLE:
+            hops += f" and {len(cycle) - MAX_CYCLE} more"
+        findings.mark_incomplete()
         findings.error(
             Code.PLACEMENT_CIRCLE, f"components are placed in a cycle: {hops}", placements[cycle[0]][1] + instance.origin,
             path=instance.within(cycle[0]), help="place one of these components on a component outside the cycle" + (
                 "; if one of the joints closes a loop, add `loop: true` to the joint" if jointed & set(cycle) else ""
-            ), notes=[note for member in cycle[1:MAX_CIRCLE] for note in make_notes(f"`{member}` is placed here", placements[member][1])],
+            ), notes=[note for member in cycle[1:MAX_CYCLE] for note in make_notes(f"`{member}` is placed here", placements[member][1])],
         )
 
 

@@ -78,7 +78,7 @@ def _mode(tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: Se
         if tree.find(tree.top, reference) is not None:
             adhesion[_path(reference)] = force
     if root is None:
-        tree.findings.leave_out()
+        tree.findings.mark_incomplete()
         return None
     return LinkedMode(
         **tree.top.fields_of(mode, ModeSettings), root=root, exclude=tuple(pairs), adhesion=adhesion,

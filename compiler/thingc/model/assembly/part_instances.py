@@ -209,7 +209,7 @@ class PartInstances:
                 return None
             use.record = result
             if not result.exact:  # the values belong to a similar part, so errors that depend on these values are not reported
-                self._findings.leave_out()
+                self._findings.mark_incomplete()
                 self.unknown = True
             self._warn(use, result)
         elif not isinstance(definition, LinkDefinition) and not component.frame:
@@ -298,7 +298,7 @@ class PartInstances:
             if use.scope.materials_known:
                 self._unknown_materials.setdefault((use.scope.document, record.material, weighed is None), []).append(use)
             if weighed is None or not use.scope.materials_known:
-                findings.leave_out()
+                findings.mark_incomplete()
         elif weighed is None and record is not None and material is None:
             materials = use.scope.materials
             use.error(Code.NO_MATERIAL, f"`{component.name}` ({use.label}) has neither a material nor a mass", help=(
@@ -316,7 +316,7 @@ class PartInstances:
             if unspecified := unspecified_keys(process):
                 self._report_missing_settings(use, unspecified)
             else:
-                findings.leave_out()
+                findings.mark_incomplete()
             return None
         if needs_density and weighed is not None and estimate_of(process) == "layers" and process is not None:
             if layers_too_high(process):
@@ -331,7 +331,7 @@ class PartInstances:
             return weigh_shapes(definition, use.material, self._meshes, use.component.overrides)
         except MissingDensity as why:
             if not str(why):  # the file was not read, or its error has been reported
-                self._findings.leave_out()
+                self._findings.mark_incomplete()
                 self.unknown = True
                 return None
             help = "give every shape, or the link, a `material` with a density, or add `mass:`, `com:` and `inertia:`"

@@ -24,7 +24,7 @@ class LinkReport:
         self.earlier = report.failed
         self.failed = False
         self.incomplete = False
-        self._said: set[_Key] = set()
+        self._reported: set[_Key] = set()
 
     def error(
         self, code: Code, message: str, origin: Origin, *, path: str | None = None, help: Hint | None = None, notes: Iterable[Note] = (),
@@ -33,8 +33,8 @@ class LinkReport:
         """Report an error at `origin`, unless an equal error has been reported."""
         self.failed = True
         key = _key(code, message, origin)
-        if self._may_say(key):
-            self._said.add(key)
+        if self._may_report(key):
+            self._reported.add(key)
             self.report.add(code, message, origin or None, help=help, path=path, notes=notes, detail=detail)
 
     def warn(
@@ -46,32 +46,32 @@ class LinkReport:
         Return False if the document suppresses the warning at this location.
         """
         key = _key(code, message, origin)
-        if key in self._said:
+        if key in self._reported:
             self.report.allows(code, origin)  # this call also marks the `allow` at this location as used
-        if not self._may_say(key):
+        if not self._may_report(key):
             return True
-        said = self.report.warn(code, message, origin or None, help=help, path=path, notes=notes, allow=allow)
-        if said:  # a warning that is suppressed at this use of the definition may still be reported at another use
-            self._said.add(key)
-        return said
+        reported = self.report.warn(code, message, origin or None, help=help, path=path, notes=notes, allow=allow)
+        if reported:  # a warning that is suppressed at this use of the definition may still be reported at another use
+            self._reported.add(key)
+        return reported
 
     def has_reported(self, code: Code) -> bool:
         """Return whether the pass `link` has reported a diagnostic with this code."""
-        return any(known is code for known, _, _ in self._said)
+        return any(reported_code is code for reported_code, _, _ in self._reported)
 
-    def leave_out(self) -> None:
+    def mark_incomplete(self) -> None:
         """Record that an element was omitted because of an error that has already been reported."""
         self.incomplete = True
 
-    def _may_say(self, key: _Key) -> bool:
+    def _may_report(self, key: _Key) -> bool:
         """Return whether to report a diagnostic: it is not a duplicate, and the maximum number of diagnostics has not been reached.
 
         A diagnostic about the exceeded maximum is reported once.
         """
-        if len(self._said) == MAX_FAULTS and key not in self._said:
-            self._said.add(key)
+        if len(self._reported) == MAX_FAULTS and key not in self._reported:
+            self._reported.add(key)
             self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} errors; further errors are not shown", None)
-        return key not in self._said and len(self._said) < MAX_FAULTS
+        return key not in self._reported and len(self._reported) < MAX_FAULTS
 
 
 def _key(code: Code, message: str, origin: Origin) -> _Key:
@@ -79,9 +79,9 @@ def _key(code: Code, message: str, origin: Origin) -> _Key:
     return code, message, origin[0] if origin else None
 
 
-def written_at(what: str, code: tuple[str, int] | None) -> tuple[Note, ...]:
-    """Return a note with the location of part code: "`arm:Pen` is defined here".
+def written_at(label: str, code: tuple[str, int] | None) -> tuple[Note, ...]:
+    """Return a note with the location of part code: "`arm:Pen` is defined here". `label` is the quoted name of the part.
 
     If the location is unknown, as for parts from files and built-in parts, return no notes.
     """
-    return (Note(message=f"{what} is defined here", span=line_of(*code)),) if code is not None else ()
+    return (Note(message=f"{label} is defined here", span=line_of(*code)),) if code is not None else ()

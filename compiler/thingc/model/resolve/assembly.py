@@ -122,7 +122,7 @@ def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
     unknown_child = place_in_modes(table, placements) or unknown_child
     mimics(table, moving)
     transmissions(table, geared, [item.name for item in moving if item.spec.drive is not None])
-    check(table, places, unsure=unknown_child)
+    check(table, places, unknown_child=unknown_child)
     _exports(table, scope)
     links = tuple(_links(table, scope))
     poses(table, scope)

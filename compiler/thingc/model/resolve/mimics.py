@@ -8,7 +8,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note
-from thingc.base.graphs import MAX_CIRCLE, circle_words, find_cycles
+from thingc.base.graphs import MAX_CYCLE, find_cycles, format_cycle
 from thingc.base.source import Path
 from thingc.base.units import NUMBER, Dimension, Quantity
 from thingc.documents.spec.assembly import JointSpec, MimicSpec
@@ -141,10 +141,10 @@ def _break_cycles(table: DocumentScope, items: dict[str, Unrolled[JointSpec]]) -
     for circle in find_cycles(follows, follows.get):
         first = items[circle[0]]
         first.scope.error(
-            Code.MIMIC, f"joints mimic each other in a cycle: {circle_words(circle)}", (*first.path, "mimic", "joint"),
+            Code.MIMIC, f"joints mimic each other in a cycle: {format_cycle(circle)}", (*first.path, "mimic", "joint"),
             help="remove `mimic` from one of these joints", notes=[
                 Note(message=f"`{step}` mimics here", span=items[step].scope.span((*items[step].path, "mimic", "joint")))
-                for step in circle[1:MAX_CIRCLE]
+                for step in circle[1:MAX_CYCLE]
             ],
         )
         for step in circle:

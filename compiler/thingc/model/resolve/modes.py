@@ -16,7 +16,7 @@ from typing import Any, cast
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note
-from thingc.base.graphs import MAX_CIRCLE, circle_words, find_cycles
+from thingc.base.graphs import MAX_CYCLE, find_cycles, format_cycle
 from thingc.base.joints.kinds import KINDS, BaseType
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, Vector
 from thingc.base.source import Origin, Path
@@ -170,10 +170,10 @@ def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
         is_long = len(cycle) > 1
         scope.error(
             Code.EXTENDS_CYCLE,
-            f"modes extend each other in a cycle: {circle_words(cycle)}" if is_long else f"mode `{cycle[0]}` extends itself",
+            f"modes extend each other in a cycle: {format_cycle(cycle)}" if is_long else f"mode `{cycle[0]}` extends itself",
             ("modes", cycle[0], "extends"), help="remove `extends` from one of these modes" if is_long else "remove `extends`",
             notes=[
-                Note(message=f"`{step}` sets `extends` here", span=scope.span(("modes", step, "extends"))) for step in cycle[1:MAX_CIRCLE]
+                Note(message=f"`{step}` sets `extends` here", span=scope.span(("modes", step, "extends"))) for step in cycle[1:MAX_CYCLE]
             ],
         )
     return in_cycle

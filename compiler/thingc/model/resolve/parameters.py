@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from thingc.base.diagnostics import Code, Note, Report
-from thingc.base.graphs import MAX_CIRCLE, circle_words
+from thingc.base.graphs import MAX_CYCLE, format_cycle
 from thingc.base.source import Document, Path
 from thingc.base.suggestions import Hint, did_you_mean
 from thingc.base.units import NUMBER, Quantity, UnitError, parse_quantity, shorten
@@ -99,14 +99,14 @@ def _report_cycle(document: Document, spec: AssemblySpec, chain: list[str], plac
     order = {name: number for number, name in enumerate(spec.parameters)}
     start = chain.index(min(chain, key=order.__getitem__))
     ordered = chain[start:] + chain[:start]
-    cycle = circle_words(ordered)
+    cycle = format_cycle(ordered)
     is_long = len(chain) > 1
     message = f"parameters depend on each other in a cycle: {cycle}" if is_long else f"parameter `{chain[0]}` depends on itself"
     report.add(
         Code.PARAMETER_CYCLE, message, document.span(places[ordered[0]]), path=f"parameters.{ordered[0]}",
         help="give one of these parameters a value that does not depend on the others" if is_long
         else "give the parameter a value that does not depend on itself",
-        notes=[Note(message=f"`{step}` is set here", span=document.span(places[step])) for step in ordered[1:MAX_CIRCLE]],
+        notes=[Note(message=f"`{step}` is set here", span=document.span(places[step])) for step in ordered[1:MAX_CYCLE]],
     )
 
 

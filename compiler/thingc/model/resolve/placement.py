@@ -23,14 +23,14 @@ def own_placements(context: ResolveRun, table: DocumentScope, places: Places) ->
     Invalid placements are reported, and their components remain unplaced.
     """
     placements: dict[str, Attach | At | None] = {}
-    there = context.component_inputs(table)
+    component_inputs = context.component_inputs(table)
     for node in table.nodes.values():
         if node.spec.attach is None and node.spec.at is None:
             continue
         key = "attach" if node.spec.attach is not None else "at"
         place = ("placement", table.document.relative, *context.route, node.name)
-        stated = (context.values(node.scope, f"{key} {node.name}", getattr(node.spec, key)), there, node.spec.keep)
-        placement: Attach | At | None = context.sound(place, stated, partial(_attach if key == "attach" else _at, table, node))
+        inputs = (context.values(node.scope, f"{key} {node.name}", getattr(node.spec, key)), component_inputs, node.spec.keep)
+        placement: Attach | At | None = context.sound(place, inputs, partial(_attach if key == "attach" else _at, table, node))
         places.setdefault(node.name, []).append((f"`{key}`", node.scope.span((*node.path, key), key=True)))
         placements[node.name] = placement
         if placement is None:
@@ -50,7 +50,7 @@ def _attach(table: DocumentScope, node: ComponentScope) -> Attach | None:
     elif spec:
         name, to_text = next(iter(spec.items()))
         to_path = (*path, name)
-        if _turned_around(table, node, name):
+        if _is_swapped(table, node, name):
             mine_meant = to_text.removeprefix(f"{node.name}.")
             scope.error(
                 Code.REFERENCE,
@@ -71,7 +71,7 @@ def _attach(table: DocumentScope, node: ComponentScope) -> Attach | None:
     return Attach(mount=mine, to=to, turn=turn, gap=gap, origin=scope.origin(path, key=True), keep=node.spec.keep)
 
 
-def _turned_around(table: DocumentScope, node: ComponentScope, name: str) -> bool:
+def _is_swapped(table: DocumentScope, node: ComponentScope, name: str) -> bool:
     """Return whether the two references of `attach` are swapped: the first reference is a mount of another component."""
     first, dot, _ = name.partition(".")
     return bool(dot) and first in table.nodes and first != node.name and (node.table is None or first not in node.table.nodes)
@@ -95,41 +95,41 @@ def _at(table: DocumentScope, node: ComponentScope) -> At | None:
     return At(to=to, pose=pose, origin=scope.origin(path, key=True), keep=node.spec.keep)
 
 
-def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
+def check(table: DocumentScope, places: Places, *, unknown_child: bool) -> None:
     """Find the base component of a document. Afterwards, a component that is placed twice, and every additional base, counts as unplaced.
 
-    Nothing is reported for components whose placement may be invalid because of another error. `unsure` is True if the child of a joint
-    could not be read. Missing placements are then not reported, because this joint may place any component.
+    Nothing is reported for components whose placement may be invalid because of another error. `unknown_child` is True if the child of a
+    joint could not be read. Missing placements are then not reported, because this joint may place any component.
     """
-    vague = {
+    uncertain = {
         node.name for node in table.nodes.values()
         if node.incomplete and any(table.doubts.touch((*node.path, key)) for key in ("attach", "at"))
     }
-    free = [name for name in table.nodes if name not in places and name not in vague]
+    free = [name for name in table.nodes if name not in places and name not in uncertain]
     swapped = _perhaps_swapped(table, free)
-    for name, ways in places.items():
+    for name, placements in places.items():
         node = table.nodes[name]
-        if len(ways) < 2 or name in vague:
+        if len(placements) < 2 or name in uncertain:
             continue
         node.unplaced = True
-        (first, there), (second, here) = ways[0], ways[1]
-        message, help = f"`{name}` is placed twice: by {first} and by {second}", "remove one of the two placements" + _closes(second)
-        if name in swapped and (other := swapped[name].parent.path[0]) in free:
+        (first, first_span), (second, second_span) = placements[0], placements[1]
+        message, help = f"`{name}` is placed twice: by {first} and by {second}", "remove one of the two placements" + _loop_hint(second)
+        if name in swapped and (parent := swapped[name].parent.path[0]) in free:
             joint = swapped[name]
-            message += f"; `parent` and `child` of joint `{joint.name.joint}` may be swapped, because nothing places `{other}`"
+            message += f"; `parent` and `child` of joint `{joint.name.joint}` may be swapped, because nothing places `{parent}`"
             help = f"write `parent: {joint.child.text}` and `child: {joint.parent.text}` in joint `{joint.name.joint}`"
-            table.nodes[other].unplaced = True
-            free.remove(other)
+            table.nodes[parent].unplaced = True
+            free.remove(parent)
         table.scope.report.add(
-            Code.PLACED_TWICE, message, here, help=help, path=f"components.{name}", notes=[
-                Note(message=f"`{name}` is placed by {first} here", span=there),
-                *(Note(message=f"`{name}` is also placed by {how} here", span=span) for how, span in ways[2:]),
+            Code.PLACED_TWICE, message, second_span, help=help, path=f"components.{name}", notes=[
+                Note(message=f"`{name}` is placed by {first} here", span=first_span),
+                *(Note(message=f"`{name}` is also placed by {placement} here", span=span) for placement, span in placements[2:]),
             ],
         )
     if free:
         table.base = free[0]
-    if not unsure and not table.unbuilt:
-        if not free and table.nodes and not vague:
+    if not unknown_child and not table.unbuilt:
+        if not free and table.nodes and not uncertain:
             _report_no_base(table, places)
         if len(free) > 1:
             _report_bases(table, free)
@@ -138,10 +138,10 @@ def check(table: DocumentScope, places: Places, *, unsure: bool) -> None:
 
 
 def _report_no_base(table: DocumentScope, places: Places) -> None:
-    joint = next((way for ways in reversed(places.values()) for way, _ in ways if way.startswith("joint")), "")
+    joint = next((placement for ways in reversed(places.values()) for placement, _ in ways if placement.startswith("joint")), "")
     table.scope.error(
         Code.NO_BASE, "every component is placed on another component, so the assembly has no base", ("components",), key=True,
-        help=f"remove the placement of one component, for example of `{next(iter(table.nodes))}`{_closes(joint)}",
+        help=f"remove the placement of one component, for example of `{next(iter(table.nodes))}`{_loop_hint(joint)}",
         notes=[Note(message=f"`{name}` is placed by {ways[0][0]}", span=ways[0][1]) for name, ways in [*places.items()][:4]],
     )
 
@@ -155,8 +155,8 @@ def _perhaps_swapped(table: DocumentScope, free: list[str]) -> dict[str, Joint]:
     return {joint.child.path[0]: joint for joint in joints if joint.parent.path and joint.parent.path[0] in free[1:]}
 
 
-def _closes(way: str) -> str:
-    """Return a hint for a joint that the user probably intended to close a loop."""
+def _loop_hint(way: str) -> str:
+    """Return the end of a help text for the description of a placement. For a joint, the hint is that the joint may close a loop."""
     return f"; if {way} closes a loop, add `loop: true` to the joint" if way.startswith("joint ") else ""
 
 

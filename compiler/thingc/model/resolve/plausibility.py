@@ -34,11 +34,11 @@ def density_doubt(density: float) -> Implausible | None:
     if LIGHTEST <= density <= HEAVIEST:
         return None
     light = density < LIGHTEST
-    meant = density * _STEP if light else density / _STEP
-    than = f"{'less than foam' if light else 'more than any solid'}"
+    intended = density * _STEP if light else density / _STEP
+    comparison = f"{'less than foam' if light else 'more than any solid'}"
     bounds = f"(solids: {_format_number(LIGHTEST)} to {_format_number(HEAVIEST)} kg/m^3)"
-    words = f"has a density of {_format_number(density)} kg/m^3, {than} {bounds}"
-    return Implausible(words=words, meant=meant if LIGHTEST <= meant <= HEAVIEST else None)
+    text = f"has a density of {_format_number(density)} kg/m^3, {comparison} {bounds}"
+    return Implausible(words=text, meant=intended if LIGHTEST <= intended <= HEAVIEST else None)
 
 
 def mass_doubt(mass: float, volume: float) -> Implausible | None:

@@ -44,15 +44,15 @@ def stand(assembly: Assembly, mesh_vertices: MeshVertices | None, report: Report
     """
     if not any(mode.on_floor for mode in assembly.modes):
         return assembly
-    modes = tuple(_stood(assembly, mode, mesh_vertices, report, memo or Memo()) if mode.on_floor else mode for mode in assembly.modes)
+    modes = tuple(_with_height(assembly, mode, mesh_vertices, report, memo or Memo()) if mode.on_floor else mode for mode in assembly.modes)
     return replace(assembly, modes=modes)
 
 
-def _stood(assembly: Assembly, mode: LinkedMode, mesh_vertices: MeshVertices | None, report: Report, memo: Memo) -> LinkedMode:
+def _with_height(assembly: Assembly, mode: LinkedMode, mesh_vertices: MeshVertices | None, report: Report, memo: Memo) -> LinkedMode:
     by_name = {pose.name: pose for pose in assembly.poses}
     start = _height(assembly, mode, by_name.get(mode.pose or ""), mesh_vertices, memo)
     if start is None:
-        if all(one.exact for one in assembly.occurrences):
+        if all(occurrence.exact for occurrence in assembly.occurrences):
             report.add(
                 Code.NOTHING_TOUCHES, f"mode `{mode.name}` is `on: floor`, but no part of `{assembly.name}` can touch the floor",
                 mode.origin, path=mode.name, help="set `collision` of a part to a value other than `none`, or write `at: {xyz: ...}`",
@@ -79,8 +79,8 @@ def _height(assembly: Assembly, mode: LinkedMode, pose: NamedPose | None, mesh_v
     start = assembly.link_of[mode.root.occurrence]
     on_plane = root_pose(assembly, replace(mode, at=_set_height(mode.at, 0.0)))
     bodies = bodies_from(assembly, start, spanning(assembly, mode), on_plane, memo)
-    at = dict(zip((body.link for body in bodies), placed_bodies(bodies, closed_coordinates(assembly, pose, memo), bodies[0].X_PL)))
-    poses = [at[link] @ inner for link, inner in zip(assembly.link_of, in_link(assembly)) if link in at]
+    link_poses = dict(zip((body.link for body in bodies), placed_bodies(bodies, closed_coordinates(assembly, pose, memo), bodies[0].X_PL)))
+    poses = [link_poses[link] @ inner for link, inner in zip(assembly.link_of, in_link(assembly)) if link in link_poses]
     if len(poses) < len(assembly.occurrences):
         return None
     place = (mode.name, pose.name if pose is not None else None)
@@ -110,15 +110,15 @@ def _lowest(
             elif shape.flat:  # MuJoCo ignores collisions of meshes without volume
                 continue
             else:  # the collision shapes of a Thing, or of a document, may extend beyond the box of the part
-                under = -inf if part.overrides.collision in ("part", "shapes") else low - ROUNDING
-                meshes.append((under, number, index, shape, pose @ surface.pose))
-    for under, number, index, mesh, pose in sorted(meshes, key=lambda entry: entry[:3]):
-        if under >= lowest or mesh_vertices is None:
+                bound = -inf if part.overrides.collision in ("part", "shapes") else low - ROUNDING
+                meshes.append((bound, number, index, shape, pose @ surface.pose))
+    for bound, number, index, mesh, pose in sorted(meshes, key=lambda entry: entry[:3]):
+        if bound >= lowest or mesh_vertices is None:
             break
         part, _ = parts[number]
         points = memo(("mesh_vertices", part.path, index), partial(vertices_of, mesh_vertices, mesh), mesh.sha256)
-        below = memo(("lowest", *place, part.path, index), of_points, points, pose.rotation[2])
-        lowest = minimum(lowest, pose.translation[2] + below)
+        lowest_point = memo(("lowest", *place, part.path, index), of_points, points, pose.rotation[2])
+        lowest = minimum(lowest, pose.translation[2] + lowest_point)
     return lowest
 
 

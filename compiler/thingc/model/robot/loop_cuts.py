@@ -48,10 +48,10 @@ def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
     For a robot with loops, the result is Kruskal's maximum spanning tree with the weights `CutPriority`, which omits one joint of each
     loop. Mates with `keep` are never omitted.
     """
-    worth = dict(worths(assembly, mode))
+    priorities = dict(cut_priorities(assembly, mode))
     groups = DisjointSets(len(assembly.links))
-    kept = (number for number, mate in enumerate(assembly.mates) if mate.keep)
-    ordered = (*kept, *sorted(worth, key=worth.__getitem__, reverse=True))
+    fixed = (number for number, mate in enumerate(assembly.mates) if mate.keep)
+    ordered = (*fixed, *sorted(priorities, key=priorities.__getitem__, reverse=True))
     return frozenset(number for number in ordered if groups.join(*_ends(assembly, assembly.mates[number])))
 
 
@@ -61,30 +61,30 @@ def closing(assembly: Assembly, tree_mates: Collection[int], number: int) -> lis
     If this mate is not on a loop, the result is empty.
     """
     groups = DisjointSets(len(assembly.links))
-    for other in tree_mates:
-        if other != number:
-            groups.join(*_ends(assembly, assembly.mates[other]))
-    left = (mate for other, mate in enumerate(assembly.mates) if other not in tree_mates and (mate.joints or mate.loop is not None))
-    return [mate for mate in left if len({groups.representative(end) for end in _ends(assembly, mate)}) > 1]
+    for index in tree_mates:
+        if index != number:
+            groups.join(*_ends(assembly, assembly.mates[index]))
+    candidates = (mate for index, mate in enumerate(assembly.mates) if index not in tree_mates and (mate.joints or mate.loop is not None))
+    return [mate for mate in candidates if len({groups.representative(end) for end in _ends(assembly, mate)}) > 1]
 
 
 def _ends(assembly: Assembly, mate: Mate) -> tuple[int, int]:
     return assembly.link_of[mate.parent], assembly.link_of[mate.child]
 
 
-def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, CutPriority]]:
-    """Yield the index and the `CutPriority` of each mate that has a joint."""
-    cut = {one.joint: rank for rank, one in enumerate(mode.cut)}
+def cut_priorities(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, CutPriority]]:
+    """Yield the index in `assembly.mates` and the `CutPriority` of each mate with joint coordinates."""
+    cut = {entry.joint: rank for rank, entry in enumerate(mode.cut)}
     mates = [(number, mate) for number, mate in enumerate(assembly.mates) if mate.joints]
     followed = {joint.mimic.joint.path for _, mate in mates for joint in mate.joints if joint.mimic is not None}
     driven = {joint.path for _, mate in mates for joint in mate.joints if joint.actuator is not None and _drives(mode, joint.path)}
-    driven |= {path for one in assembly.tendons if one.transmission is not None and _drives(mode, one.path) for path in one.moves}
+    driven |= {path for tendon in assembly.tendons if tendon.transmission and _drives(mode, tendon.path) for path in tendon.moves}
     for number, mate in mates:
         yield number, CutPriority(
             uncut=cut.get(mate.name or "", len(cut)),
             driven=any(joint.path in driven for joint in mate.joints),
             coupled=any(joint.mimic is not None or joint.path in followed for joint in mate.joints),
-            unclosable=_unclosable(mate),
+            unclosable=_export_difficulty(mate),
             limited=any(joint.limit.bounded for joint in mate.joints),
             dynamic=any(joint.dynamics.acts for joint in mate.joints),
             placing=mate.loop is None,
@@ -97,7 +97,7 @@ def _drives(mode: LinkedMode, path: str) -> bool:
     return mode.actuators is None or path in mode.actuators
 
 
-def _unclosable(mate: Mate) -> int:
+def _export_difficulty(mate: Mate) -> int:
     """Return how well output formats support a loop that is cut at this joint, from 0 (all formats) to 2.
 
     The result is 0 for revolute and ball joints, which all formats with loops support. The result is 1 for universal joints, which need a

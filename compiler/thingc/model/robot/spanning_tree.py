@@ -61,22 +61,22 @@ def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[
     """
     placed = in_link(assembly)
     named: set[str] = set()
-    wanted: list[tuple[LinkedMount, Origin]] = [(mount, mount.origin) for mount in assembly.exported]
+    mounts: list[tuple[LinkedMount, Origin]] = [(mount, mount.origin) for mount in assembly.exported]
     named_by = {link.frame for link in assembly.links}  # a body from a link with shapes already has this name
-    wanted += [
+    mounts += [
         (LinkedMount(path=o.path, occurrence=o.index, mount="origin"), o.origin) for o in assembly.occurrences
         if o.component.frame or o.listed is not None and o.index not in named_by
     ]
-    wanted += [(m.root, m.origin) for m in assembly.modes]
-    wanted += [(one.mount, one.origin) for m in assembly.modes for one in m.holds]
-    wanted += [(one.mount, one.origin) for m in assembly.modes for one in m.feet]
-    wanted += [(mount, sensor.origin) for sensor in assembly.sensors for mount in sensor.mounts]
-    wanted += [(mount, tendon.origin) for tendon in assembly.tendons for mount in tendon.mounts]
-    for mount, origin in wanted:
+    mounts += [(m.root, m.origin) for m in assembly.modes]
+    mounts += [(hold.mount, hold.origin) for m in assembly.modes for hold in m.holds]
+    mounts += [(foot.mount, foot.origin) for m in assembly.modes for foot in m.feet]
+    mounts += [(mount, sensor.origin) for sensor in assembly.sensors for mount in sensor.mounts]
+    mounts += [(mount, tendon.origin) for tendon in assembly.tendons for mount in tendon.mounts]
+    for mount, origin in mounts:
         if mount.path not in named:
             named.add(mount.path)
-            at = assembly.occurrences[mount.occurrence].mounts[mount.mount].pose
-            pose = memo(("site at", mount.path), Pose.__matmul__, placed[mount.occurrence], at)
+            mount_pose = assembly.occurrences[mount.occurrence].mounts[mount.mount].pose
+            pose = memo(("site at", mount.path), Pose.__matmul__, placed[mount.occurrence], mount_pose)
             yield Site(path=mount.path, body=body_of[assembly.link_of[mount.occurrence]], pose=pose, origin=origin)
 
 
@@ -87,9 +87,9 @@ def _excluded_pairs(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int
     the setting `exclude` of the mode come last. The bodies of a pair are in link order, which is the same in every mode.
     """
     pairs: dict[tuple[int, int], None] = {}
-    for one, other in (*joined_links(assembly, assembly.link_of[mode.root.occurrence]), *mode.exclude):
-        pairs[(min(one, other), max(one, other))] = None
-    return tuple((body_of[one], body_of[other]) for one, other in pairs)
+    for first, second in (*joined_links(assembly, assembly.link_of[mode.root.occurrence]), *mode.exclude):
+        pairs[(min(first, second), max(first, second))] = None
+    return tuple((body_of[first], body_of[second]) for first, second in pairs)
 
 
 def _present(assembly: Assembly, mode: LinkedMode) -> tuple[str, ...]:

@@ -44,27 +44,27 @@ def bodies_from(assembly: Assembly, start: int, tree_mates: Collection[int], at:
     edges: list[list[tuple[int, int]]] = [[] for _ in assembly.links]
     for number, mate in enumerate(assembly.mates):
         if number in tree_mates:
-            one, other = assembly.link_of[mate.parent], assembly.link_of[mate.child]
-            edges[one].append((other, number))
-            edges[other].append((one, number))
+            parent_link, child_link = assembly.link_of[mate.parent], assembly.link_of[mate.child]
+            edges[parent_link].append((child_link, number))
+            edges[child_link].append((parent_link, number))
     bodies: list[Body] = []
-    met: set[int] = set()
+    visited: set[int] = set()
     waiting: list[tuple[int, int | None, int]] = [(start, None, -1)]
-    later: list[tuple[int, int | None, int]] = []
-    while waiting or later:
-        link, parent, number = (waiting or later).pop()
-        if link in met:
+    free_children: list[tuple[int, int | None, int]] = []
+    while waiting or free_children:
+        link, parent, number = (waiting or free_children).pop()
+        if link in visited:
             continue
-        met.add(link)
+        visited.add(link)
         if parent is None:
             bodies.append(Body(link=link, parent=None, X_PL=at, joints=()))
         else:
             mate = assembly.mates[number]
-            bodies.append(_across(mate, number, parent, link, assembly.link_of[mate.parent] == link, placed, memo))
-        here = len(bodies) - 1
-        for there, along in sorted(edges[link], reverse=True):
-            if there not in met:
-                (later if assembly.mates[along].free else waiting).append((there, here, along))
+            bodies.append(_child_body(mate, number, parent, link, assembly.link_of[mate.parent] == link, placed, memo))
+        index = len(bodies) - 1
+        for neighbour, joint in sorted(edges[link], reverse=True):
+            if neighbour not in visited:
+                (free_children if assembly.mates[joint].free else waiting).append((neighbour, index, joint))
     return tuple(bodies)
 
 
@@ -91,13 +91,13 @@ def base_moves(mode: LinkedMode, root: Pose) -> tuple[TreeJoint, ...]:
     kind = moving_as(mode.base)
     if kind is None:
         return ()
-    seen = seen_at_zero(kind.twists, (0.0, 0.0, 0.0), root.inverse() @ mode.at)
+    twists = seen_at_zero(kind.twists, (0.0, 0.0, 0.0), root.inverse() @ mode.at)
     return tuple(
         TreeJoint(
             name=CoordinateName(f"{BASE}[{number}]"), kind=kind, twist=twist, offset=0.0, limit=Limit(), dynamics=Dynamics(), mimic=None,
             actuator=None, origin=mode.origin, reversed=False, mate=-1,
         )
-        for number, twist in enumerate(seen)
+        for number, twist in enumerate(twists)
     )
 
 
@@ -120,14 +120,14 @@ def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], tree_mates: Colle
     return tuple(closures)
 
 
-def _across(mate: Mate, number: int, parent: int, link: int, reversed_: bool, placed: tuple[Pose, ...], memo: Memo) -> Body:
+def _child_body(mate: Mate, number: int, parent: int, link: int, reversed_: bool, placed: tuple[Pose, ...], memo: Memo) -> Body:
     """Create the body on the other side of a mate, as a child of the body with the index `parent`."""
     twists, offsets = tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)
-    at_zero, seen = memo(
+    at_zero, moving = memo(
         ("across", mate.name, reversed_), _lower_joint, placed[mate.parent], mate.X_PJ, mate.X_JC, placed[mate.child], twists, offsets,
         reversed_,
     )
-    pairs = zip(mate.joints[::-1] if reversed_ else mate.joints, seen, strict=True)
+    pairs = zip(mate.joints[::-1] if reversed_ else mate.joints, moving, strict=True)
     return Body(link=link, parent=parent, X_PL=at_zero, mate=number, joints=tuple(
         TreeJoint(**{**asdict(joint), "twist": twist}, reversed=reversed_, mate=number) for joint, twist in pairs
     ))
@@ -139,11 +139,11 @@ def seen_at_zero(twists: tuple[Twist, ...], offsets: tuple[float, ...], frame: P
     The twists are evaluated with all coordinates at 0, where each joint has moved by its offset. The pose `exp(t_0 (q_0 + o_0)) exp(t_1
     (q_1 + o_1)) ... @ inv(frame)` is its value at q = 0 times `exp(s_0 q_0) exp(s_1 q_1) ...`.
     """
-    seen: list[Twist] = []
+    result: list[Twist] = []
     for twist, offset in zip(reversed(twists), reversed(offsets), strict=True):
-        seen.append(twist.seen_from(frame))
+        result.append(twist.seen_from(frame))
         frame = frame @ twist.exponential(-offset)
-    return tuple(reversed(seen))
+    return tuple(reversed(result))
 
 
 def _lower_joint(
@@ -160,9 +160,9 @@ def _lower_joint(
     at_zero = F @ pose_after(twists, offsets) @ G
     if not reversed_:
         return at_zero, seen_at_zero(twists, offsets, G.inverse())
-    undone: list[Twist] = []
+    reversed_twists: list[Twist] = []
     frame = F
     for twist, offset in zip(twists, offsets, strict=True):
-        undone.append(twist.seen_from(frame).inverse())
+        reversed_twists.append(twist.seen_from(frame).inverse())
         frame = frame @ twist.exponential(offset)
-    return at_zero.inverse(), tuple(reversed(undone))
+    return at_zero.inverse(), tuple(reversed(reversed_twists))

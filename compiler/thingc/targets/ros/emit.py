@@ -62,7 +62,7 @@ def emit(request: EmitRequest) -> Artifacts:
     files["CMakeLists.txt"] = cmake_lists(assembly.name, {path.partition("/")[0] for path in files}, said).encode()
     description = " ".join(assembly.definition.description.split()) or f"The robot {assembly.name}."
     files["package.xml"] = package_xml(
-        assembly.name, escape_control(description, most=len(description)), request.workspace.about, said,
+        assembly.name, escape_control(description, limit=len(description)), request.workspace.about, said,
     ).encode()
     lost = (*flat, *unmet, *losses("ros", CAPABILITIES, assembly, robots), *transmission_losses("ros", robots))
     return Artifacts(files={f"{folder}/{path}": content for path, content in sorted(files.items())}, losses=tuple(dict.fromkeys(lost)))

@@ -20,7 +20,7 @@ from thingc.base.one_line_repr import format_count
 from thingc.driver.environment import with_environment
 from thingc.driver.pipeline import compile
 from thingc.model.assembly.types import Assembly, Occurrence
-from thingc.model.robot.loop_cuts import worths
+from thingc.model.robot.loop_cuts import cut_priorities
 from thingc.model.robot.types import Robot
 from thingc.tools.cli import console, robot_files
 
@@ -166,7 +166,7 @@ def _cut_loops(robot: Robot) -> dict[str, dict[str, str]]:
 
     graph = link_graph(robot.assembly)
     tree = graph.edge_subgraph([edge for edge in graph.edges if edge[2] not in cuts]).to_undirected()
-    worth = {robot.assembly.mates[number].name: value for number, value in worths(robot.assembly, robot.mode)}
+    worth = {robot.assembly.mates[number].name: value for number, value in cut_priorities(robot.assembly, robot.mode)}
     loops: dict[str, dict[str, str]] = {}
     for parent, child, cut in graph.edges:
         if cut in cuts:

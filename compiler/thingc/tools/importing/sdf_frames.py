@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.graphs import circle_words
+from thingc.base.graphs import format_cycle
 from thingc.base.pose import NO_POSE, Pose, make_pose
 from thingc.base.suggestions import did_you_mean
 from thingc.tools.importing.xml_source import SourceElement
@@ -108,7 +108,7 @@ class Frames:
         way: dict[str, NamedFrame] = {}
         while key not in self.poses:
             if key in way:
-                circle = circle_words([*way][[*way].index(key) :])
+                circle = format_cycle([*way][[*way].index(key) :])
                 message = f"poses are relative to each other in a cycle: {circle}"
                 self.values.report.add(Code.SOURCE_TREE, message, way[key].element.where, help="make one of them relative to the model")
                 self.poses[key] = NO_POSE

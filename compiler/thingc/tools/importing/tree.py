@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence, Set
 from typing import TypeVar
 
 from thingc.base.diagnostics import Code, Note, Report
-from thingc.base.graphs import DisjointSets, circle_words, find_cycles
+from thingc.base.graphs import DisjointSets, find_cycles, format_cycle
 from thingc.base.safe_text import quote_names
 from thingc.base.source import Span
 from thingc.base.suggestions import did_you_mean
@@ -104,7 +104,7 @@ def look_at_mimics(hangings: Sequence[Attachment], moving: Set[str], report: Rep
     follows = {joint.name: joint.follows for one in hangings for joint in one.joints if joint.follows is not None}
     for circle in find_cycles(follows, lambda name: follows[name].joint if name in follows else None):
         if len(circle) > 1:
-            message = f"joints mimic each other in a cycle: {circle_words(circle)}"
+            message = f"joints mimic each other in a cycle: {format_cycle(circle)}"
             report.add(Code.SOURCE_VALUE, message, follows[circle[0]].where, help="remove `mimic` from one of these joints")
     for joint in (joint for one in hangings for joint in one.joints):
         if joint.follows is None or joint.name != joint.follows.joint and joint.follows.joint in moving:
@@ -148,6 +148,6 @@ def _circles(named: dict[str, SourceLink], above: dict[str, Attachment], report:
     for upwards in find_cycles(named, lambda name: above[name].parent if name in above else None):
         circle = upwards[::-1]
         report.add(
-            Code.SOURCE_TREE, f"links form a cycle: {circle_words(circle)}", above[circle[0]].where,
+            Code.SOURCE_TREE, f"links form a cycle: {format_cycle(circle)}", above[circle[0]].where,
             help="make one of these links the root, or attach one of them to a link outside the cycle",
         )
