@@ -42,5 +42,5 @@ def test_cache_is_bounded(monkeypatch) -> None:
     memo = Memo()
     for place in range(1000):
         memo(place, str, place)
-    assert len(memo._kept) <= 10
+    assert len(memo._entries) <= 10
     assert memo(999, str, 999) == "999"

@@ -52,5 +52,5 @@ def test_caches_do_not_grow(shared_store: str, tmp_path: Path) -> None:
             assert not session.emit(compilation, ["mjcf", "bom"])["mjcf"].losses
             assert compilation.assembly is not None
             assert compilation.assembly.properties.mass == pytest.approx(2.0 + index)
-            sizes.append(len(session.environment.memo._kept))
+            sizes.append(len(session.environment.memo._entries))
     assert sizes[2] == sizes[-1]
