@@ -178,10 +178,10 @@ def report_models(name: str, family: thingc.RobotFamily, names: Sequence[str], c
     valid = int(ok[:50].sum())
     together = seconds_of(lambda: jax.block_until_ready(robots.batch(rows)[0])) / count
     alone = seconds_of(lambda: list(family.models(settings, share=False))) / len(settings)
-    models, function = family._of(None, False), family.function(names, (), at=at)
+    models, function = family._models_of(None, False), family.function(names, (), at=at)
     plan, why = models.template_at(function._item(rows[0])[1])
     assert plan is not None, why
-    texts = [plan.made.text(plan.outputs(function._item(row)[1].values) or ()) for row in rows[:50][np.asarray(ok[:50])]]
+    texts = [plan.template.text(plan.outputs(function._item(row)[1].values) or ()) for row in rows[:50][np.asarray(ok[:50])]]
     parsed = seconds_of(lambda: [models._load(text) for text in texts]) / len(texts)
     rates = f"{alone / together:7.1f}x {parsed / together:7.1f}x, {valid} of 50 valid"
     print(f"{name:9} {errors['float64']:8.1e} {errors['float32']:8.1e} {rates}", flush=True)

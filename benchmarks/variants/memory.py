@@ -132,7 +132,7 @@ def spent(family: thingc.RobotFamily, models: ModelsOfMode, indices: Iterator[in
 
     def other_pens(count: int) -> None:
         for index in range(count):
-            models._kept.clear()
+            models._cached.clear()
             assert next(family.models([pen(index % many)], mode=MODE, share=True))
 
     def parts(count: int) -> None:
@@ -208,7 +208,7 @@ def main() -> None:
         document = workspace(Path(name))
         with thingc.family(document, store=arguments.store, mode=MODE, verify=arguments.verify) as family, \
                 kernel(Path(name) / "parts") as alone:
-            lanes = {**spent(family, family._of(MODE, False), itertools.count(), arguments.pens), "kernel": alone}
+            lanes = {**spent(family, family._models_of(MODE, False), itertools.count(), arguments.pens), "kernel": alone}
             rates: dict[str, list[float]] = {label: [] for label in lanes}
             for turn in range(-1, arguments.rounds):
                 for label, make in lanes.items():

@@ -122,14 +122,14 @@ def compared(document: str, count: int, store: str | None, visual: bool, parts: 
         geometry = {name for name, way in ways.items() if getattr(way, "way", "passes") in ("passes", "parts")}
         modelling = [name for name, way in ways.items() if parts and getattr(way, "way", "") == "parts"]
         for mode in family.modes:
-            models = family._of(mode, visual)
+            models = family._models_of(mode, visual)
             for many in drawn(known, meeting, geometry, modelling, count // len(family.modes), source):
                 read = [family._read(one) for one in many]
                 whole = [models._compile(one) for _, one in read]
                 for settings, one, model, other in zip(many, read, models.each(read, share=True), whole, strict=True):
-                    form = models.forms.get((one[1].names, one[1].texts))
-                    plan = form.plan_for(one[1]) if form is not None else None
-                    way = "passes" if plan is None else "other parts" if plan[0].exchange is not None else type(plan[0].made).__name__
+                    cache = models.caches.get((one[1].names, one[1].texts))
+                    plan = cache.find(one[1]) if cache is not None else None
+                    way = "passes" if plan is None else "other parts" if plan[0].exchange is not None else type(plan[0].template).__name__
                     if isinstance(model, NoModel) or isinstance(other, tuple):
                         tally["refused alike" if isinstance(model, NoModel) and isinstance(other, tuple) else "REFUSED OTHERWISE"] += 1
                         continue

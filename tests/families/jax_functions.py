@@ -80,6 +80,6 @@ def test_what_jax_cannot_do_is_explained(everything: thingc.RobotFamily, monkeyp
     with pytest.raises(FamilyError, match="64-bit numbers are disabled in JAX: call `jax.config.update"):
         function.jax()
     pinned = everything.function(["load", "teeth"], ["mass"])
-    pinned._evaluation.form_of(pinned._item(pinned.start)[1]).why["teeth"] = "a pass needs the exact value"
+    pinned._evaluation.cache_for(pinned._item(pinned.start)[1]).reasons["teeth"] = "a pass needs the exact value"
     with pytest.raises(FamilyError, match="JAX cannot compute mass: `teeth`: a pass needs the exact value: use `value` and `jacobian`"):
         pinned.jax()

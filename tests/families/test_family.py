@@ -32,8 +32,8 @@ def test_results_equal_those_of_a_compilation(everything: thingc.RobotFamily) ->
     source = random.Random(1)
     many = [{name: value * source.uniform(0.95, 1.05) for name, value in NAMES.items()} for _ in range(20)]
     found = everything.evaluate(many)
-    (form,) = everything._evaluation_of(everything.mode).forms.values()
-    assert len(form.plans) == 1
+    (cache,) = everything._evaluation_of(everything.mode).caches.values()
+    assert len(cache.plans) == 1
     for settings, one in zip(many, found, strict=True):
         _, read = everything._read(settings)
         measured, *_ = everything._evaluation_of(everything.mode)._compile(read)
@@ -254,8 +254,8 @@ def test_manifest_contains_settings_as_given(tmp_path: Path) -> None:
         for count in range(20):
             words = {"arm": f"{30 + count}.0 cm", "joints.turn.limit.lower": f"-{40 + count} deg", "components.base.mass": "1 g"}
             assert crane.write({**words, "components.*.mass": "3000.0 g", "load": 2.5}, tmp_path / "crane", emit="mjcf") == ()
-        (form,) = crane._builds_of(("mjcf",)).forms.values()
-        assert form.plans
+        (cache,) = crane._builds_of(("mjcf",)).caches.values()
+        assert cache.plans
     settings = {**words, "components.base.mass": "3000.0 g", "components.hook.mass": "3000.0 g", "load": "2.5 kg"}
     options = [word for name, text in settings.items() for word in ("--set" if "." in name else "-p", f"{name}={text}")]
     assert main(["build", str(tmp_path / "crane.yaml"), *options, "--emit", "mjcf", "-o", str(tmp_path / "alone")]) == 0

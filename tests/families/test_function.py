@@ -345,8 +345,8 @@ def test_wrong_plan_is_discarded(workspace: Path, monkeypatch: pytest.MonkeyPatc
         rows = [[0.5 + 0.01 * place] for place in range(64)]
         exact = [family.evaluate({"load": load})["mass"] for (load,) in rows]
         assert function.value(rows)[:, 0].tolist() == exact
-        (form,) = [one for one in function._evaluation.forms.values() if one.refused]
-        assert form.refused is not None and form.refused.startswith("a plan gave different results for {'load': 0.") and not form.plans
+        (cache,) = [one for one in function._evaluation.caches.values() if one.failure]
+        assert cache.failure is not None and cache.failure.startswith("a plan gave different results for {'load': 0.") and not cache.plans
 
 
 BAD: list[tuple[dict[str, Any], str]] = [

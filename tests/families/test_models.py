@@ -81,9 +81,9 @@ def test_models_equal_compiled_models(everything: thingc.RobotFamily, mode: str)
     for one, model in zip(many, everything.models(many, mode=mode, share=True, visual=True), strict=True):
         assert isinstance(model, mujoco.MjModel)
         assert different_fields(model, compiled(everything, one, mode)) == []
-    form = everything._of(mode, True).form_of(everything._reader.read(many[0]))
-    assert form.refused is None and form.why == {} and len(form.plans) == 1
-    assert form.plan_for(everything._reader.read(many[-1])) is not None
+    cache = everything._models_of(mode, True).cache_for(everything._reader.read(many[0]))
+    assert cache.failure is None and cache.reasons == {} and len(cache.plans) == 1
+    assert cache.find(everything._reader.read(many[-1])) is not None
 
 
 @pytest.mark.parametrize("name", [None, *STRUNG])
@@ -95,8 +95,8 @@ def test_tendons_and_springs_are_written_into_arrays(strung: thingc.RobotFamily,
     for one, model in zip(many, strung.models(many, mode=mode, share=True, visual=True), strict=True):
         whole = compiled(strung, one, mode)
         assert isinstance(model, mujoco.MjModel) and different_fields(model, whole) == []
-    plan = strung._of(mode, True).form_of(strung._reader.read(many[-1])).plan_for(strung._reader.read(many[-1]))
-    assert plan is not None and type(plan[0].made).__name__ == "Arrays"
+    plan = strung._models_of(mode, True).cache_for(strung._reader.read(many[-1])).find(strung._reader.read(many[-1]))
+    assert plan is not None and type(plan[0].template).__name__ == "Arrays"
 
 
 @pytest.mark.parametrize(("path", "way", "old", "new"), [
@@ -174,7 +174,7 @@ def test_changes_of_a_model_do_not_affect_others(workspace: Path, one: dict[str,
         for lent in chain((next(family.models([one], share=True)) for _ in range(5)), family.models([one] * 5, share=True)):
             assert isinstance(lent, mujoco.MjModel)
             lent.opt.timestep, lent.opt.gravity[:], lent.body_mass[:], lent.dof_damping[:], lent.body_pos[:] = 0.5, 7.0, 77.0, 7.0, 7.0
-        assert all(form.refused is None for form in family._of(None, False).forms.values())  # no plan is to blame
+        assert all(cache.failure is None for cache in family._models_of(None, False).caches.values())  # no plan is to blame
         assert different_fields(family.model(one, visual=False), honest) == []
         assert [different_fields(model, honest) for model in family.models([one, one])] == [[], []]
         (group,) = family.batched([one]).groups
@@ -292,8 +292,8 @@ def test_numbers_that_change_a_decision_are_compiled(everything: thingc.RobotFam
     found = list(everything.models(many, mode="standing", visual=True))
     for one, model in zip(many, found, strict=True):
         assert isinstance(model, mujoco.MjModel) and different_fields(model, compiled(everything, one, "standing")) == []
-    form = everything._of("standing", True).form_of(everything._reader.read(many[0]))
-    assert form.plan_for(everything._reader.read(many[0])) is not None and form.missed == 3
+    cache = everything._models_of("standing", True).cache_for(everything._reader.read(many[0]))
+    assert cache.find(everything._reader.read(many[0])) is not None and cache.misses == 3
 
 
 TWINS = """\
@@ -322,15 +322,15 @@ def test_equal_numbers_are_distinguished(tmp_path: Path, more: dict[str, Any]) -
     with thingc.family(tmp_path / "twins.yaml", verify=0) as twins:
         models = [model.body_mass.tolist() for model in twins.models(many)]
         results = [one["mass"] for one in twins.evaluate(many)]
-        (form,) = twins._of(None, False).forms.values()
+        (cache,) = twins._models_of(None, False).caches.values()
     assert models == [[0.0, 1.0, one["components.a.mass"], 1.0, 1.0] for one in many]
     assert results == pytest.approx([3.0 + one["components.a.mass"] for one in many], abs=1e-12)
-    assert form.plans and form.refused is None
+    assert cache.plans and cache.failure is None
 
 
 def with_constant_mass(plan: Any) -> None:
     """Make a plan wrong by replacing the mass of a body by a constant."""
-    numbers = plan.made._numbers
+    numbers = plan.template._numbers
     numbers.constants[0], numbers.inertials[0, 0] = 1.25, len(plan.program.outputs)
 
 
@@ -338,10 +338,10 @@ def test_wrong_plan_is_found_and_discarded(workspace: Any) -> None:
     with thingc.family(workspace / "everything.yaml", verify=2) as family:
         many = settings(5, 5, {"load": 0.5})
         list(family.models(many, visual=True))
-        (form,) = family._of(None, True).forms.values()
-        with_constant_mass(form.plans[0])
+        (cache,) = family._models_of(None, True).caches.values()
+        with_constant_mass(cache.plans[0])
         models = list(family.models(many, visual=True))
-        assert form.plans == [] and "a plan gave a different `" in str(form.refused)
+        assert cache.plans == [] and "a plan gave a different `" in str(cache.failure)
         for one, model in zip(many, models, strict=True):  # one in two is looked at: the first of these, and then nothing follows the plan
             assert different_fields(model, compiled(family, one, "standing")) == []
 
@@ -351,10 +351,10 @@ def test_each_plan_is_checked(workspace: Path) -> None:
         list(family.models(settings(8, 5, {"load": 0.5})))
         many = settings(3, 5, {"components.crank.mass": 0.3})
         list(family.models(many[:2]))
-        _, form = family._of(None, False).forms.values()
-        with_constant_mass(form.plans[0])
+        _, cache = family._models_of(None, False).caches.values()
+        with_constant_mass(cache.plans[0])
         (model,) = family.models(many[2:])  # the second that this plan gives
-        assert form.plans == [] and "a plan gave a different `" in str(form.refused)
+        assert cache.plans == [] and "a plan gave a different `" in str(cache.failure)
         assert different_fields(model, compiled(family, many[2], "standing")) == []
 
 

@@ -64,23 +64,23 @@ def test_variants_move_as_in_their_own_models(levers: Path, shared_store: str, m
         own = [model for model in family.models(many) if isinstance(model, mujoco.MjModel)]
         lengths = [{"length": length, "joints.hinge.dynamics.damping": 1e-5 * k} for k in (1, 2, 3) for length in (0.095, 0.11, 0.1)]
         read = [family._read(one) for one in lengths]
-        exchanged, models = family.models(lengths, share=True), family._of(None, False)
+        exchanged, models = family.models(lengths, share=True), family._models_of(None, False)
         for (_, one), model in zip(read, exchanged, strict=True):
             assert isinstance(model, mujoco.MjModel) and different_fields(model, models._compile(one)) == []
-        found = models.form_of(read[0][1]).plan_for(read[0][1])
+        found = models.cache_for(read[0][1]).find(read[0][1])
         assert found is not None and found[0].exchange is not None
         assert all(found[0].outputs(one.values) is not None for _, one in read)
-        assert isinstance(found[0].made, ModelTemplate) and models._specs[found[0].made] is not None  # for which no text is read
+        assert isinstance(found[0].template, ModelTemplate) and models._specs[found[0].template] is not None  # for which no text is read
         with monkeypatch.context() as wrong:
             wrong.setattr(RecompiledSpec, "model", lambda *_: own[0])
             models._specs.clear()
-            models._kept.clear()
+            models._cached.clear()
             for (_, one), model in zip(read, family.models(lengths), strict=True):
                 assert isinstance(model, mujoco.MjModel) and different_fields(model, models._compile(one)) == []
             assert set(models._specs.values()) == {None}
         evaluation = family._evaluation_of(family.mode)
         assert [one.results for one in family.evaluate(lengths)] == [evaluation._compile(one)[0] for _, one in read]
-        results = evaluation.form_of(read[0][1]).plan_for(read[0][1])
+        results = evaluation.cache_for(read[0][1]).find(read[0][1])
         assert results is not None and results[0].exchange is not None
     assert explained == (
         "length changes the text and the parts of one model, which MuJoCo compiles again: "

@@ -181,8 +181,8 @@ def test_plan_with_wrong_files_is_discarded(session: Session, monkeypatch: pytes
     assert [own.build_by_plan(given(k)) is not None for k in range(4)] == [False, True, True, True]
     monkeypatch.setattr(build_templates._Template, "files", lambda self, numbers, settings: {MANIFEST: b"{}"})
     assert own.build_by_plan(given(4)) is None  # the first after three others: time to look
-    (form,) = own.forms.values()
-    assert form.plans == [] and (form.refused or "").startswith("a plan gave different files for {'joints.lift.limit.upper': 1.29")
+    (cache,) = own.caches.values()
+    assert cache.plans == [] and (cache.failure or "").startswith("a plan gave different files for {'joints.lift.limit.upper': 1.29")
     monkeypatch.undo()
     assert own.build_by_plan(given(5)) is None
 
@@ -197,8 +197,8 @@ def test_infinite_numbers_in_files_are_rejected(session: Session) -> None:
     """One infinite number is enough. A result can be infinite, for example a torque margin."""
     own = made(session, measured=lambda compilation: {"mass": compilation.robots[0].assembly.links[1].properties.mass})
     assert [own.build_by_plan(given(k)) is not None for k in range(2)] == [False, True]
-    (form,) = own.forms.values()
-    template, count = form.plans[0].made, len(form.plans[0].made.outputs)
+    (cache,) = own.caches.values()
+    template, count = cache.plans[0].template, len(cache.plans[0].template.outputs)
     assert count > 10
     built = [template.build([math.inf if k == odd else 1.0 for k in range(count)], given(0)) is not None for odd in range(count)]
     assert built == [False] * (count - 1) + [True]

@@ -142,11 +142,11 @@ def test_reason_is_given_if_a_number_cannot_change_a_part() -> None:
 
 
 def test_next_plan_is_immediate_if_plans_save_time() -> None:
-    form: PlanCache[None] = PlanCache()
+    cache: PlanCache[None] = PlanCache()
     read = ParsedSettings(names=("length",), values=(0.1,), texts=())
-    assert [form.worth_it(read) for _ in range(8)] == [False, True, False, True, False, False, False, True]
-    form.met = PAYS
-    assert [form.worth_it(read) for _ in range(3)] == [True, False, True] and form.met == 0
+    assert [cache.should_create_plan(read) for _ in range(8)] == [False, True, False, True, False, False, False, True]
+    cache.hits = PAYS
+    assert [cache.should_create_plan(read) for _ in range(3)] == [True, False, True] and cache.hits == 0
 
 
 def test_settings_come_before_numbers_of_records() -> None:
@@ -157,6 +157,6 @@ def test_settings_come_before_numbers_of_records() -> None:
 
     tape = Tape()
     program = program_of(tape, [tape.variable(value) for value in (0.1, 0.2, 0.3, 0.4)])
-    plan = NumericPlan(free=(0, 2), fixed=((1, 5.0),), program=program, made=None, exchange=Records())  # type: ignore[arg-type]
+    plan = NumericPlan(free=(0, 2), fixed=((1, 5.0),), program=program, template=None, exchange=Records())  # type: ignore[arg-type]
     assert plan.outputs((1.0, 5.0, 2.0)) == (1.0, 2.0, 7.0, 8.0)
     assert plan.outputs((1.0, 4.0, 2.0)) is None

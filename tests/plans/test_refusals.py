@@ -151,11 +151,11 @@ def test_wrong_plan_is_discarded(workspace: Path, monkeypatch: pytest.MonkeyPatc
     with thingc.family(workspace / "boom.yaml") as family:
         family.evaluate([{"length": 0.9 + k / 10} for k in range(1, 5)])
         refusals = family._refusals_of(family.mode)
-        (form,) = refusals.causes.values()
-        assert form.plans
-        monkeypatch.setattr(form.plans[0].made, "diagnostics", lambda outputs: ())
+        (cache,) = refusals.causes.values()
+        assert cache.plans
+        monkeypatch.setattr(cache.plans[0].template, "diagnostics", lambda outputs: ())
         assert family.evaluate({"length": 0.95}).problems == compiled(family, {"length": 0.95})
-        assert not form.plans and "different diagnostics" in str(form.refused)
+        assert not cache.plans and "different diagnostics" in str(cache.failure)
 
 
 def test_numbers_that_parts_depend_on(workspace: Path) -> None:
@@ -163,7 +163,7 @@ def test_numbers_that_parts_depend_on(workspace: Path) -> None:
         many = [{"wide": 0.1 + k / 1000, "deep": deep} for k in range(6) for deep in (0.04, 0.0995 + k / 1000, 0.2)]
         expected = [compiled(other, one) for one in many]
         assert [family.evaluate(one).problems for one in many] == expected and sum(map(bool, expected)) >= 12
-        assert any(form.plans for form in family._refusals_of(family.mode).causes.values())
+        assert any(cache.plans for cache in family._refusals_of(family.mode).causes.values())
 
 
 def test_failing_part_is_not_traced(workspace: Path) -> None:
@@ -174,7 +174,7 @@ def test_failing_part_is_not_traced(workspace: Path) -> None:
 
 
 def template(tape: Tape, *diagnostics: Diagnostic, parts: TracedParts | None = None) -> DiagnosticsTemplate:
-    return DiagnosticsTemplate(TraceResult(made=(diagnostics, 0), tape=tape, names=("a",), parts=parts))
+    return DiagnosticsTemplate(TraceResult(result=(diagnostics, 0), tape=tape, names=("a",), parts=parts))
 
 
 def test_every_text_of_a_diagnostic_has_slots() -> None:

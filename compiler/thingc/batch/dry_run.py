@@ -137,10 +137,10 @@ class Resolution(Evaluation):
     def item(self, variant: Variant) -> Item:
         """Convert a variant to a pair of settings and parsed settings, as the method `each` requires."""
         settings = {**variant.parameters, **variant.choices}
-        read = self.reader.read(settings)
+        parsed = self.reader.read(settings)
         if variant.index in self._drawn:
-            self._required.add(read)
-        return settings, read
+            self._required.add(parsed)
+        return settings, parsed
 
     def _results(self, compilation: Compilation, memo: Memo | None = None) -> Results:
         assert compilation.model is not None
@@ -148,12 +148,12 @@ class Resolution(Evaluation):
         self.parts.update(parts)
         return {"parts": float(len(parts))}
 
-    def _evaluate_by_passes(self, settings: Mapping[str, Any], read: ParsedSettings, tests: bool) -> Evaluated:
-        if not self.refusals.applies(read):
-            if self._resolved >= MOST and read not in self._required:
+    def _evaluate_by_passes(self, settings: Mapping[str, Any], parsed: ParsedSettings, tests: bool) -> Evaluated:
+        if not self.refusals.applies(parsed):
+            if self._resolved >= MOST and parsed not in self._required:
                 return Evaluated(settings=settings, results={})
             self._resolved += 1
-        return super()._evaluate_by_passes(settings, read, tests)
+        return super()._evaluate_by_passes(settings, parsed, tests)
 
 
 def _example(session: Session, variant: Variant, wrong: Diagnostic) -> tuple[str, Diagnostic]:

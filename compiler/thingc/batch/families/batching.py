@@ -65,18 +65,18 @@ def make_batches(models: Iterable[mujoco.MjModel | NoModel], source: Callable[[i
                 groups[kind] = ModelGroup(model)
             last = model, groups[kind]
         last[1].add(index, model)
-    alike: dict[bytes, list[ModelGroup]] = {}
+    mergeable: dict[bytes, list[ModelGroup]] = {}
     for kind, group in groups.items():
-        alike.setdefault(likeness(group.model) if source is not None else kind, []).append(group)
-    made: list[Batched] = []
-    for some in alike.values():
-        whole = _merge_groups(some, source) if source is not None and len(some) > 1 else None
-        made += [whole] if whole is not None else [_stack([group], group.model, {}) for group in some]
-    return Batches(groups=tuple(sorted(made, key=lambda one: one.indices[0])), refused=refused)
+        mergeable.setdefault(likeness(group.model) if source is not None else kind, []).append(group)
+    batches: list[Batched] = []
+    for similar in mergeable.values():
+        merged = _merge_groups(similar, source) if source is not None and len(similar) > 1 else None
+        batches += [merged] if merged is not None else [_stack([group], group.model, {}) for group in similar]
+    return Batches(groups=tuple(sorted(batches, key=lambda one: one.indices[0])), refused=refused)
 
 
-def _stack(groups: Sequence[ModelGroup], model: mujoco.MjModel, more: Mapping[str, Array]) -> Batched:
-    """Combine the settings of several groups in one `Batched` object. `more` contains arrays for additional fields."""
+def _stack(groups: Sequence[ModelGroup], model: mujoco.MjModel, added_fields: Mapping[str, Array]) -> Batched:
+    """Combine the settings of several groups in one `Batched` object. `added_fields` maps names of further fields to arrays."""
     first = groups[0]
     differing = [
         name for name in first.first
@@ -85,15 +85,15 @@ def _stack(groups: Sequence[ModelGroup], model: mujoco.MjModel, more: Mapping[st
     indices = np.concatenate([group.indices for group in groups])
     order = np.argsort(indices)
     fields = {name: np.concatenate([group.stack(name) for group in groups])[order] for name in differing}
-    fields |= {name: value[order] for name, value in more.items()}
+    fields |= {name: value[order] for name, value in added_fields.items()}
     return Batched(model=model, fields=fields, indices=tuple(indices[order].tolist()))
 
 
 def _merge_groups(groups: Sequence[ModelGroup], source: Callable[[int], ModelSource]) -> Batched | None:
     """Combine groups whose models have different meshes. Return None if the models of the groups cannot be merged."""
-    together = merge_models([source(group.indices[0]) for group in groups], [group.model for group in groups])
-    if together is None or len({group.bodies for group in groups}) > 1:
+    merged = merge_models([source(group.indices[0]) for group in groups], [group.model for group in groups])
+    if merged is None or len({group.bodies for group in groups}) > 1:
         return None
-    model, chosen = together
-    meshes = np.concatenate([np.tile(np.array(one, dtype=np.int32), (len(group.indices), 1)) for one, group in zip(chosen, groups)])
-    return _stack(groups, model, {"geom_dataid": meshes})
+    model, chosen = merged
+    mesh_ids = np.concatenate([np.tile(np.array(meshes, dtype=np.int32), (len(group.indices), 1)) for meshes, group in zip(chosen, groups)])
+    return _stack(groups, model, {"geom_dataid": mesh_ids})

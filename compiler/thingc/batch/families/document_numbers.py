@@ -46,38 +46,38 @@ class DocumentNumbers:
         """The search space of the axes of the variants document, or of the parameters of the assembly document."""
         return self.parameters if self._plan is None else of_axes(self._plan.axes, {**self._plan.own, **self._plan.paths.own})
 
-    def values(self, many: Sequence[ParsedSettings]) -> list[dict[str, float]]:
-        """Return the mapping of `RobotFamily.numbers` for each set of settings. Many settings are computed together."""
+    def values(self, items: Sequence[ParsedSettings]) -> list[dict[str, float]]:
+        """Return the values [SI] of all numbers for each set of settings, keyed by name, as `RobotFamily.numbers` describes."""
         forms: dict[Any, list[int]] = {}
-        for place, read in enumerate(many):
-            forms.setdefault((read.names, read.texts), []).append(place)
-        found: dict[int, dict[str, float]] = {}
+        for place, parsed in enumerate(items):
+            forms.setdefault((parsed.names, parsed.texts), []).append(place)
+        numbers_by_place: dict[int, dict[str, float]] = {}
         for (names, texts), places in forms.items():
-            rows = compute_rows(partial(self._row, names, texts), np.array([many[place].values for place in places]))
-            for place, one in zip(places, rows, strict=True):
-                found[place] = self._values(many[place])[0] if one is None else dict(zip(*one, strict=True))
-        return [found[place] for place in range(len(many))]
+            rows = compute_rows(partial(self._row, names, texts), np.array([items[place].values for place in places]))
+            for place, row in zip(places, rows, strict=True):
+                numbers_by_place[place] = self._values(items[place])[0] if row is None else dict(zip(*row, strict=True))
+        return [numbers_by_place[place] for place in range(len(items))]
 
     def _row(
         self, names: tuple[str, ...], texts: tuple[tuple[str, str], ...], numbers: Sequence[Number],
     ) -> tuple[Iterable[str], Sequence[Number]] | None:
         """Return the paths and the values of all numbers for one row, or None if the value of an expression is not known."""
-        values, whole = self._values(ParsedSettings(names=names, values=tuple(numbers), texts=texts))
-        return (tuple(values), tuple(values.values())) if whole else None
+        values, complete = self._values(ParsedSettings(names=names, values=tuple(numbers), texts=texts))
+        return (tuple(values), tuple(values.values())) if complete else None
 
-    def _values(self, read: ParsedSettings) -> tuple[dict[str, float], bool]:
+    def _values(self, parsed: ParsedSettings) -> tuple[dict[str, float], bool]:
         """Return the numbers of the document that settings change, and whether all values and expressions could be evaluated."""
-        values, own = self._reader.values(read), self._reader.parameters
-        whole = own.keys() <= values.keys() and not any(text.startswith("=") for _, text in read.texts)
+        values, document_values = self._reader.values(parsed), self._reader.parameters
+        complete = document_values.keys() <= values.keys() and not any(text.startswith("=") for _, text in parsed.texts)
         if self._plan is not None:  # this reads the values at the paths of the document
-            more = self._plan.values(values)
-            whole = whole and len(more) == len(self._plan.kinds)
-            values.update((name, value) for name, value in more.items() if "." in name)
-            own = {**own, **self._plan.paths.own}
-        given = {*read.names, *dict(read.texts)}
-        said = {name: value for name, value in values.items() if name in given or value != own.get(name)}
-        numbers = {name: one.value + 0.0 if isinstance(one, Quantity) else one for name, one in said.items() if not isinstance(one, str)}
-        return {name: float(one) if isinstance(one, bool) else one for name, one in numbers.items()}, whole
+            path_values = self._plan.values(values)
+            complete = complete and len(path_values) == len(self._plan.kinds)
+            values.update((name, value) for name, value in path_values.items() if "." in name)
+            document_values = {**document_values, **self._plan.paths.own}
+        set_names = {*parsed.names, *dict(parsed.texts)}
+        changed = {name: value for name, value in values.items() if name in set_names or value != document_values.get(name)}
+        numbers = {name: one.value + 0.0 if isinstance(one, Quantity) else one for name, one in changed.items() if not isinstance(one, str)}
+        return {name: float(one) if isinstance(one, bool) else one for name, one in numbers.items()}, complete
 
     def value_of(self, name: str) -> Any:
         """Return the value of a number in the document [SI], or an empty string if the document does not contain this number."""

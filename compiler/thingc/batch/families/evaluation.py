@@ -55,8 +55,7 @@ class Evaluation(Planner[TracedResults, Measured]):
     `tests` contains names of document tests. If `tests` is given, only the values that these tests measure are computed.
 
     The variants document `plan`, if any, specifies the pose, the mounts for the result `reach`, and the rules, which apply if `judged` is
-    True. `verify` has the same
-    meaning as in the class `Planner`.
+    True. `verify` has the same meaning as in the class `Planner`.
     """
 
     def __init__(
@@ -71,17 +70,17 @@ class Evaluation(Planner[TracedResults, Measured]):
         self.rules = plan.rules if plan is not None and judged else ()
         self.variants: Any = plan
 
-    def each(self, many: Iterable[Item], *, tests: bool) -> Iterator[Evaluated]:
+    def each(self, items: Iterable[Item], *, tests: bool) -> Iterator[Evaluated]:
         """Yield the results of each set of settings, in order. With `tests`, also run the tests of the document."""
-        source = iter(many)
+        source = iter(items)
         while chunk := list(islice(source, 1 if tests else TOGETHER)):
             ready: dict[int, Planned] = {}
             verdicts: dict[int, Verdict] = {}
             used: set[int] = set()  # plans that have been run for the whole chunk
-            for place, (settings, read) in enumerate(chunk):
+            for place, (settings, parsed) in enumerate(chunk):
                 planned = ready.pop(place, None)
                 if planned is None and not tests:
-                    planned = self.find_plan(read)
+                    planned = self.find_plan(parsed)
                     if planned is not None and (
                         id(planned[0]) not in used or (place % AHEAD == 0 and planned[0].exchange is not None)
                     ):
@@ -89,46 +88,46 @@ class Evaluation(Planner[TracedResults, Measured]):
                         together = self._together(planned[0], chunk, place, ready)
                         ready.update(together)
                         verdicts.update(self._verdicts(planned[0], chunk, together))
-                if planned is not None and planned[0].is_due(self.verify) and not self.agrees(*planned, read):
+                if planned is not None and planned[0].is_due(self.verify) and not self.agrees(*planned, parsed):
                     ready.clear()
                     planned = None
                 if planned is None:
-                    yield self._evaluate_by_passes(settings, read, tests)
+                    yield self._evaluate_by_passes(settings, parsed, tests)
                 else:
                     plan, outputs = planned
-                    results = plan.made.of(outputs)
-                    yield self._apply_rules(settings, read, results, plan.made.problems, verdict=verdicts.get(place))
+                    results = plan.template.of(outputs)
+                    yield self._apply_rules(settings, parsed, results, plan.template.problems, verdict=verdicts.get(place))
 
-    def agrees(self, plan: NumericPlan[TracedResults], outputs: Sequence[float], read: ParsedSettings) -> bool:
-        """Return whether a plan has given the same results as a compilation. Otherwise, stop using plans for such settings."""
-        return self.confirms(self.compute(plan, outputs, read), self.whole(read), read, self.form_of(read))
+    def agrees(self, plan: NumericPlan[TracedResults], outputs: Sequence[float], parsed: ParsedSettings) -> bool:
+        """Return whether the results of a plan equal those of a compilation. Otherwise, stop using plans for similar settings."""
+        return self.confirms(self.compute(plan, outputs, parsed), self.run_passes(parsed), parsed, self.cache_for(parsed))
 
-    def whole(self, read: ParsedSettings) -> Measured | None:
+    def run_passes(self, parsed: ParsedSettings) -> Measured | None:
         """Compile the document. Return the results and the diagnostics, or None if there are no results."""
-        results, report, _ = self._compile(read)
+        results, report, _ = self._compile(parsed)
         return (results, tuple(report.sorted_diagnostics())) if results else None
 
-    def compute(self, plan: NumericPlan[TracedResults], outputs: Sequence[float], read: ParsedSettings) -> Measured:
+    def compute(self, plan: NumericPlan[TracedResults], outputs: Sequence[float], parsed: ParsedSettings) -> Measured:
         """Compute the results and the diagnostics with a plan."""
-        return plan.made.of(outputs), plan.made.problems
+        return plan.template.of(outputs), plan.template.problems
 
     def _together(self, plan: NumericPlan[TracedResults], chunk: Sequence[Item], place: int, ready: Collection[int]) -> dict[int, Planned]:
-        """Run a plan for the settings after the index `place` that differ only in numbers from the settings at this index.
+        """Run the plan of the settings `chunk[place]` for all later settings of the chunk that differ from them only in numbers.
 
-        Return a mapping from the index of the settings to the outputs of the plan.
+        Return the plan and its outputs for each of these settings, keyed by index in the chunk. Settings in `ready` are skipped.
         """
-        form = (chunk[place][1].names, chunk[place][1].texts)
-        alike = [
+        key = (chunk[place][1].names, chunk[place][1].texts)
+        others = [
             other for other in range(place + 1, len(chunk))
-            if other not in ready and (chunk[other][1].names, chunk[other][1].texts) == form and chunk[other][1].report is None
+            if other not in ready and (chunk[other][1].names, chunk[other][1].texts) == key and chunk[other][1].report is None
         ]
         if plan.exchange is not None:
-            plan.prepare([chunk[other][1].values for other in alike[: AHEAD - place % AHEAD]])
-        if plan.exchange is not None or len(alike) < FEW:
+            plan.prepare([chunk[other][1].values for other in others[: AHEAD - place % AHEAD]])
+        if plan.exchange is not None or len(others) < FEW:
             return {}
-        outputs, ok = plan.columns(np.array([chunk[other][1].values for other in alike]))
-        self.form_of(chunk[place][1]).met += int(ok.sum())
-        return {other: (plan, row) for other, row, applies in zip(alike, outputs.tolist(), ok, strict=True) if applies}
+        outputs, ok = plan.columns(np.array([chunk[other][1].values for other in others]))
+        self.cache_for(chunk[place][1]).hits += int(ok.sum())
+        return {other: (plan, row) for other, row, applies in zip(others, outputs.tolist(), ok, strict=True) if applies}
 
     def columns(
         self, rows: Floats, names: Sequence[str], item: Callable[[Floats], Item],
@@ -142,53 +141,54 @@ class Evaluation(Planner[TracedResults, Measured]):
         """
         if len(rows) < FEW:
             return None
-        read = item(rows[0])[1]
-        plan, _ = self.plan_at(read)
+        parsed = item(rows[0])[1]
+        plan, _ = self.plan_at(parsed)
         if plan is None or plan.exchange is not None:
             return None
-        values = np.tile(read.values, (len(rows), 1))
-        values[:, [read.names.index(name) for name in names]] = rows + 0.0  # adding 0.0 removes the sign of zeros
+        values = np.tile(parsed.values, (len(rows), 1))
+        values[:, [parsed.names.index(name) for name in names]] = rows + 0.0  # adding 0.0 removes the sign of zeros
         outputs, applies = restricted(plan).columns(values)
         for row in rows[applies] if self.verify != 0 else ():
             if plan.is_due(self.verify):
                 due = item(row)[1]
-                whole = plan.outputs(due.values)
-                if whole is None or not self.agrees(plan, whole, due):
+                outputs_of_row = plan.outputs(due.values)
+                if outputs_of_row is None or not self.agrees(plan, outputs_of_row, due):
                     return None
-        return outputs, applies, plan.made.problems
+        return outputs, applies, plan.template.problems
 
-    def plan_at(self, read: ParsedSettings) -> tuple[NumericPlan[TracedResults] | None, str]:
+    def plan_at(self, parsed: ParsedSettings) -> tuple[NumericPlan[TracedResults] | None, str]:
         """Return the plan that applies to the given settings. If no plan exists, create a plan.
 
         If no plan can be created, return None and the reason.
         """
-        form = self.form_of(read)
-        known = form.plan_for(read)
-        plan = self.plan(read, form) if known is None and form.refused is None else None
-        if plan is not None and (outputs := plan.outputs(read.values)) is not None:
-            form.add(plan)
+        cache = self.cache_for(parsed)
+        known = cache.find(parsed)
+        plan = self.plan(parsed, cache) if known is None and cache.failure is None else None
+        if plan is not None and (outputs := plan.outputs(parsed.values)) is not None:
+            cache.add(plan)
             known = plan, outputs
-        return (None if known is None else known[0]), "; ".join(f"`{name}`: {why}" for name, why in form.why.items()) or form.refused or ""
+        reasons = "; ".join(f"`{name}`: {why}" for name, why in cache.reasons.items())
+        return (None if known is None else known[0]), reasons or cache.failure or ""
 
-    def plan(self, read: ParsedSettings, form: PlanCache[TracedResults]) -> NumericPlan[TracedResults] | None:
+    def plan(self, parsed: ParsedSettings, cache: PlanCache[TracedResults]) -> NumericPlan[TracedResults] | None:
         """Create a plan that gives the same results as a compilation.
 
-        If no plan can be created, store the reason in `form` and return None.
+        If no plan can be created, store the reason in `cache` and return None.
         """
-        first = self.whole(read)
+        first = self.run_passes(parsed)
         if first is None:
             return None
 
-        def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], TracedResults]:
+        def finish(trace: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], TracedResults]:
             if exchange is not None and first[1]:
-                raise NotTraceable("diagnostics were reported that may depend on a part", list(form.modelled))
-            shape = TracedResults(rehearsal.made, first[1])
+                raise NotTraceable("diagnostics were reported that may depend on a part", list(cache.modelled))
+            shape = TracedResults(trace.result, first[1])
             return shape.outputs, shape
 
-        def trace(compilation: Compilation, tape: Tape) -> Results:
+        def compute_results(compilation: Compilation, tape: Tape) -> Results:
             return self._results(compilation, SearchMemo(tape))
 
-        return self.new_plan(read, form, first, trace, finish)
+        return self.new_plan(parsed, cache, first, compute_results, finish)
 
     def _results(self, compilation: Compilation, memo: Memo | None = None) -> Results:
         if self.tests:
@@ -198,14 +198,14 @@ class Evaluation(Planner[TracedResults, Measured]):
 
     # --- through every pass ---------------------------------------------------------------------------------------------
 
-    def _compile(self, read: ParsedSettings) -> tuple[Results, Report, Compilation | None]:
+    def _compile(self, parsed: ParsedSettings) -> tuple[Results, Report, Compilation | None]:
         """Compile the document with the given settings. Return a tuple of the results, the report, and the compilation.
 
         If the settings are refused, the results are empty. If there are errors, the compilation is None.
         """
-        if read.report is not None:
-            return {}, read.report, None
-        compilation = self.session.compile(self.reader.settings(read), (self.mode,))
+        if parsed.report is not None:
+            return {}, parsed.report, None
+        compilation = self.session.compile(self.reader.settings(parsed), (self.mode,))
         report: Report = compilation.report
         if report.failed:
             return {}, report, None
@@ -215,33 +215,33 @@ class Evaluation(Planner[TracedResults, Measured]):
             report.say(fault.diagnostic)
             return {}, report, None
 
-    def _evaluate_by_passes(self, settings: Mapping[str, Any], read: ParsedSettings, tests: bool) -> Evaluated:
-        known = self.refusals.problems(read)
+    def _evaluate_by_passes(self, settings: Mapping[str, Any], parsed: ParsedSettings, tests: bool) -> Evaluated:
+        known = self.refusals.problems(parsed)
         if known is not None:
-            return self._apply_rules(settings, read, {}, known)
-        results, report, compilation = self._compile(read)
+            return self._apply_rules(settings, parsed, {}, known)
+        results, report, compilation = self._compile(parsed)
         if report.failed and compilation is None:
-            self.refusals.learn(read, tuple(report.sorted_diagnostics()))
-        done: tuple[Any, ...] = ()
+            self.refusals.learn(parsed, tuple(report.sorted_diagnostics()))
+        test_results: tuple[Any, ...] = ()
         if tests and compilation is not None:
             from thingc.driver.testing.test_runner import Selection, run
 
-            whole = self.session.compile(self.reader.settings(read))
-            report = whole.report
+            full = self.session.compile(self.reader.settings(parsed))
+            report = full.report
             if not report.failed:
-                said = len(report.diagnostics)
-                done = tuple(run(pipeline.request_of(self.session.environment, whole), Selection()))
-                del report.diagnostics[said:]  # failures are in the results of the tests
-        return self._apply_rules(settings, read, results, tuple(report.sorted_diagnostics()), done)
+                reported = len(report.diagnostics)
+                test_results = tuple(run(pipeline.request_of(self.session.environment, full), Selection()))
+                del report.diagnostics[reported:]  # failures are in the results of the tests
+        return self._apply_rules(settings, parsed, results, tuple(report.sorted_diagnostics()), test_results)
 
     def _apply_rules(
-        self, settings: Mapping[str, Any], read: ParsedSettings, results: Results, problems: tuple[Diagnostic, ...],
+        self, settings: Mapping[str, Any], parsed: ParsedSettings, results: Results, problems: tuple[Diagnostic, ...],
         tests: tuple[Any, ...] = (), verdict: Verdict | None = None,
     ) -> Evaluated:
         broken = None
         if results and self.rules:
-            broken, more = verdict or self._find_violation(read, results)
-            problems = (*problems, *more)
+            broken, rule_errors = verdict or self._find_violation(parsed, results)
+            problems = (*problems, *rule_errors)
         return Evaluated(settings=settings, results=results, problems=problems, broken=broken, tests=tests)
 
     def _verdicts(self, plan: NumericPlan[TracedResults], chunk: Sequence[Item], together: Mapping[int, Planned]) -> dict[int, Verdict]:
@@ -252,30 +252,27 @@ class Evaluation(Planner[TracedResults, Measured]):
         reads = [chunk[place][1] for place in together]
         if not (self.rules and reads) or self._has_texts(reads[0]):
             return {}
-        names, kinds = reads[0].names, [one.dimension for one in self.reader.quantities(reads[0]).values()]
+        names, kinds = reads[0].names, [quantity.dimension for quantity in self.reader.quantities(reads[0]).values()]
 
         def judge(numbers: Sequence[Number]) -> tuple[Verdict, Sequence[Number]] | None:
-            given = {name: Quantity(number, kind) for name, kind, number in zip(names, kinds, numbers)}
-            values, results = self.variants.values(given), plan.made.of(numbers[len(names) :])
-            rule, wrong = next(unkept(self.rules, values, results, self.mode), (None, None))
-            return None if wrong is not None else ((None if rule is None else rule.text, ()), ())
+            quantities = {name: Quantity(number, kind) for name, kind, number in zip(names, kinds, numbers)}
+            values, results = self.variants.values(quantities), plan.template.of(numbers[len(names) :])
+            rule, error = next(unkept(self.rules, values, results, self.mode), (None, None))
+            return None if error is not None else ((None if rule is None else rule.text, ()), ())
 
-        rows = np.array([(*read.values, *outputs) for read, (_, outputs) in zip(reads, together.values(), strict=True)])
-        return {place: one[0] for place, one in zip(together, compute_rows(judge, rows), strict=True) if one is not None}
+        rows = np.array([(*parsed.values, *outputs) for parsed, (_, outputs) in zip(reads, together.values(), strict=True)])
+        return {place: quantity[0] for place, quantity in zip(together, compute_rows(judge, rows), strict=True) if quantity is not None}
 
-    def _has_texts(self, read: ParsedSettings) -> bool:
+    def _has_texts(self, parsed: ParsedSettings) -> bool:
         """Return whether some parameters are not numbers, but flags, texts or expressions."""
-        return any(name in self.reader.parameters for name, _ in read.texts)
+        return any(name in self.reader.parameters for name, _ in parsed.texts)
 
-    def _find_violation(self, read: ParsedSettings, results: Results) -> Verdict:
-        """Return the first rule that the results violate, or None if all rules are satisfied.
-
-        Also return the errors of rules that cannot be evaluated.
-        """
-        given: Mapping[str, ExpressionValue] = self.reader.values(read) if self._has_texts(read) else self.reader.quantities(read)
+    def _find_violation(self, parsed: ParsedSettings, results: Results) -> Verdict:
+        """Return the first rule that the results violate and no errors, or else None and the errors of rules that cannot be evaluated."""
+        values: Mapping[str, ExpressionValue] = self.reader.values(parsed) if self._has_texts(parsed) else self.reader.quantities(parsed)
         undecided: list[Diagnostic] = []
-        for rule, wrong in unkept(self.rules, self.variants.values(given), results, self.mode):
-            if wrong is None:
+        for rule, error in unkept(self.rules, self.variants.values(values), results, self.mode):
+            if error is None:
                 return rule.text, ()
-            undecided.append(wrong)
+            undecided.append(error)
         return None, tuple(undecided)

@@ -92,7 +92,7 @@ class RobotFamily:
             raise FamilyError(f"expected `verify` to be None, 0 (compare none), 1 (all) or N (one in N), found `{verify}`")
         path, store = os.fsdecode(document), None if store is None else os.fsdecode(store)
         options = options or Options(store=store, jobs=jobs, compat=None if compat is None else chosen_consumers(compat))
-        self._again = partial(RobotFamily, os.path.abspath(path), mode=mode, verify=verify, options=options)
+        self._reopen = partial(RobotFamily, os.path.abspath(path), mode=mode, verify=verify, options=options)
         self._plan = _read_plan(path, options)
         self._session = Session(self._plan.assembly if self._plan is not None else path, options)
         sources = self._session.sources
@@ -111,9 +111,9 @@ class RobotFamily:
             self.close()
             raise CompileError(first.report.sorted_diagnostics())
         self.name: str = first.assembly.name
-        names = self._plan.modes if self._plan is not None else tuple(one.name for one in first.assembly.modes)
+        names = self._plan.modes if self._plan is not None else tuple(known.name for known in first.assembly.modes)
         self.modes = ModeNames(names)
-        self.modes.of = self._switching
+        self.modes.of = self._switch_modes
         self.mode = self.modes[0] if mode is None else self._mode_name(mode)
         self._planners: dict[tuple[Any, ...], Any] = {}
 
@@ -125,7 +125,7 @@ class RobotFamily:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Support copying and pickling of the family. A copied family reads the documents again."""
-        return self._again, ()
+        return self._reopen, ()
 
     def close(self) -> None:
         """End the worker process that builds parts, if it is running."""
@@ -159,7 +159,7 @@ class RobotFamily:
         `visual`, the model does not contain visual geometry. With `floor`, the model includes the floor of its scene. Raises
         `UnknownChoice` for an unknown mode.
         """
-        return next(self._of(mode, visual, floor).each([self._read(settings)], share=False))
+        return next(self._models_of(mode, visual, floor).each([self._read(settings)], share=False))
 
     def models(
         self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, share: bool = False, visual: bool = False,
@@ -171,7 +171,7 @@ class RobotFamily:
         An `MjData` remains valid as long as the yielded model is the same object. If the caller changes a shared model, the change may
         persist in the next model. For refused settings, the iterator yields a `NoModel`. Raises `UnknownChoice` for an unknown mode.
         """
-        return self._of(mode, visual, floor).each(map(self._read, as_many(many)), share=share)
+        return self._models_of(mode, visual, floor).each(map(self._read, as_many(many)), share=share)
 
     def batched(
         self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, union: bool = True, floor: bool = False,
@@ -181,9 +181,9 @@ class RobotFamily:
         With `union`, settings with different geometry can share a model, which contains the meshes of all these settings. With `floor`,
         models include the floor of their scenes. Raises `UnknownChoice` for an unknown mode.
         """
-        models, read = self._of(mode, False, floor), [self._read(one) for one in as_many(many)]
-        models.take_back()
-        return make_batches(models.each(read, share=True), (lambda index: models.source(read[index][1])) if union else None)
+        models, parsed = self._models_of(mode, False, floor), [self._read(entry) for entry in as_many(many)]
+        models.undo_changes()
+        return make_batches(models.each(parsed, share=True), (lambda index: models.source(parsed[index][1])) if union else None)
 
     def write(
         self, settings: Mapping[str, Any] | Variant, folder: str | os.PathLike[str], *, emit: Sequence[str] | str = (),
@@ -199,35 +199,35 @@ class RobotFamily:
         from thingc.driver.output import OutputError, write_build
         from thingc.geometry.store.local import BlobMissing
 
-        given, read = self._read(settings)
-        if read.report is not None:
-            return tuple(read.report.sorted_diagnostics())
-        own = self._reader.settings(read, self._numbers.units, self._reader.as_given(given))
+        given, parsed = self._read(settings)
+        if parsed.report is not None:
+            return tuple(parsed.report.sorted_diagnostics())
+        document_settings = self._reader.settings(parsed, self._numbers.units, self._reader.as_given(given))
         named = emit if isinstance(emit, Iterable) and not isinstance(emit, str) else (emit,)
         builds = self._builds_of(tuple(map(str, named)))
         store = self._session.environment.store
         try:
-            files, problems = builds.build(own)
+            files, problems = builds.build(document_settings)
             if files:
                 parent, name = os.path.split(os.path.abspath(os.fsdecode(folder)))
                 if not name or "\0" in name:
                     raise OutputError(f"`{os.fsdecode(folder)!r}` cannot be a build folder", "use a separate folder")
                 write_build(parent, name, files, store, self._root.relative)
         except BlobMissing as fault:
-            words = f"the cache `{store.root}` no longer contains the meshes of parts"
-            raise OutputError(words, "create the family again, which rebuilds missing parts") from fault
+            message = f"the cache `{store.root}` no longer contains the meshes of parts"
+            raise OutputError(message, "create the family again, which rebuilds missing parts") from fault
         return problems
 
-    def _switching(self, settings: Mapping[str, Any] | Variant, modes: Sequence[str]) -> Modes | NoModel:
+    def _switch_modes(self, settings: Mapping[str, Any] | Variant, modes: Sequence[str]) -> Modes | NoModel:
         """Return a `Modes` object for the robot with the given settings, which switches between modes at run time."""
         from thingc.modes import Modes
 
-        given, read = self._read(settings)
-        if read.report is not None:
-            return NoModel(settings=given, problems=tuple(read.report.sorted_diagnostics()))
+        given, parsed = self._read(settings)
+        if parsed.report is not None:
+            return NoModel(settings=given, problems=tuple(parsed.report.sorted_diagnostics()))
         chosen = tuple(map(self._mode_name, modes or self.modes))
         builds = self._planner(Builds, modes=chosen, targets=("mjcf",), emit=alone, patience=2)
-        files, problems = builds.build(self._reader.settings(read))
+        files, problems = builds.build(self._reader.settings(parsed))
         described = files.get("modes.json")
         return Modes.parse(described) if isinstance(described, bytes) else NoModel(settings=given, problems=problems)
 
@@ -239,14 +239,14 @@ class RobotFamily:
         """
         from thingc.driver.edit_document import write_values
 
-        _, read = self._read(settings)
-        if read.report is not None:
-            return tuple(read.report.sorted_diagnostics())
-        written = self._numbers.find_nodes(read.names)
-        own = self._reader.settings(read, self._numbers.units or {name: unit_in(node.text) for name, node in written.items()})
-        given = {**own.parameters, **own.choices}
+        _, parsed = self._read(settings)
+        if parsed.report is not None:
+            return tuple(parsed.report.sorted_diagnostics())
+        nodes = self._numbers.find_nodes(parsed.names)
+        document_settings = self._reader.settings(parsed, self._numbers.units or {name: unit_in(node.text) for name, node in nodes.items()})
+        values = {**document_settings.parameters, **document_settings.choices}
         environment = self._session.environment
-        return write_values(environment.document, given, environment.options).found if given else ()
+        return write_values(environment.document, values, environment.options).found if values else ()
 
     def function(
         self, names: Sequence[str] | str, outputs: Sequence[str] | str = ("mass", "centre"), *, mode: str | None = None,
@@ -263,16 +263,16 @@ class RobotFamily:
         """
         from thingc.batch.families.function import FamilyFunction
 
-        wanted = as_names(outputs=outputs)
-        sites = tuple(dict.fromkeys(name[len(SITE):] for name in wanted if name.startswith(SITE)))
-        tests = tuple(dict.fromkeys(name.split(".")[1] for name in wanted if name.startswith(TEST)))
-        self._check_tests(tests, alone=all(name.startswith(TEST) for name in wanted))
+        results = as_names(outputs=outputs)
+        sites = tuple(dict.fromkeys(name[len(SITE):] for name in results if name.startswith(SITE)))
+        tests = tuple(dict.fromkeys(name.split(".")[1] for name in results if name.startswith(TEST)))
+        self._check_tests(tests, alone=all(name.startswith(TEST) for name in results))
         evaluation = self._evaluation_of(
-            self.mode if mode is None else self._mode_name(mode), sites, TORQUES in wanted, tests, judged=False,
+            self.mode if mode is None else self._mode_name(mode), sites, TORQUES in results, tests, judged=False,
         )
-        again = partial(self.function, names, outputs, mode=mode, at=at)
+        reopen = partial(self.function, names, outputs, mode=mode, at=at)
         space, by = self._numbers.parameters, as_names(names=names)
-        return FamilyFunction(evaluation, self._reader, space, by, wanted, {} if at is None else at, again)
+        return FamilyFunction(evaluation, self._reader, space, by, results, {} if at is None else at, reopen)
 
     def sensitivity(
         self, outputs: Sequence[str] | str = ("mass", "centre"), names: Sequence[str] | str = (), *, mode: str | None = None,
@@ -280,30 +280,29 @@ class RobotFamily:
     ) -> list[Sensitivity]:
         """Compute the derivative of each output by each number in `names`.
 
-        By default, `names` contains all numeric parameters of the document. `names` contains names of parameters, or paths in the document.
-        `outputs` has the same meaning as in `function`, and can also contain patterns such as `tests.*`. `at` contains further settings,
-        and can also contain values of the numbers in `names`. Raises the same errors as `function`, and `FamilyError` for settings without
-        results.
+        `names` contains names of parameters, or paths in the document (default: all numeric parameters of the document). `outputs` has the
+        same meaning as in `function`, and can also contain patterns such as `tests.*`. `at` contains further settings, and can also contain
+        values of the numbers in `names`. Raises the same errors as `function`, and `FamilyError` for settings without results.
         """
         from thingc.batch.families.sensitivity import results_by_function, sensitivities
 
-        given = dict(at or {})
-        numeric = [one.name for one in self.space if isinstance(one.value, float)]
+        point = dict(at or {})
+        numeric = [dimension.name for dimension in self.space if isinstance(dimension.value, float)]
         by = as_names(names=names) or list(self._numbers.find_nodes(numeric))
         kinds = {name: test.kind for name, test in self._numbers.spec.tests.items()}
-        fixed = {name: value for name, value in given.items() if name not in by}
+        fixed = {name: value for name, value in point.items() if name not in by}
         x: dict[str, float] = {}
 
         def alone(result: str, name: str) -> FamilyFunction:
             return self.function(name, result, mode=mode, at={**fixed, **{other: value for other, value in x.items() if other != name}})
 
-        found: list[Sensitivity] = []
+        derivatives: list[Sensitivity] = []
         for results in results_by_function(as_names(outputs=outputs), kinds):
             function = self.function(by, results, mode=mode, at=fixed)
-            read = self._reader.read({**dict(zip(by, function.start.tolist(), strict=True)), **given})
-            x.update(zip(read.names, read.values, strict=True))
-            found += sensitivities(function, x, kinds, self._numbers.find_nodes(by), alone)
-        return found
+            parsed = self._reader.read({**dict(zip(by, function.start.tolist(), strict=True)), **point})
+            x.update(zip(parsed.names, parsed.values, strict=True))
+            derivatives += sensitivities(function, x, kinds, self._numbers.find_nodes(by), alone)
+        return derivatives
 
     def mjx(
         self, names: Sequence[str] | str, *, mode: str | None = None, at: Mapping[str, Any] | None = None, floor: bool = False,
@@ -318,7 +317,7 @@ class RobotFamily:
         """
         from thingc.batch.families.mjx_family import FamilyMjx
 
-        return FamilyMjx(self._of(mode, False, floor), self.function(names, (), mode=mode, at=at), dtype)
+        return FamilyMjx(self._models_of(mode, False, floor), self.function(names, (), mode=mode, at=at), dtype)
 
     @property
     def space(self) -> SearchSpace:
@@ -330,10 +329,10 @@ class RobotFamily:
     @overload
     def numbers(self, settings: Iterable[Mapping[str, Any] | Variant]) -> list[dict[str, float]]: ...
     def numbers(self, settings: Any) -> dict[str, float] | list[dict[str, float]]:
-        """Return a mapping from the names of all numeric settings and flags to their values [SI]. The value of a flag is 0 or 1.
+        """Return the values [SI] of numbers and flags (0 or 1) in the document for the given settings, keyed by name.
 
-        The mapping includes fixed values of the family, and values that are computed from the settings. Settings that equal the values in
-        the documents are omitted. For a list of settings, return a list of mappings.
+        The mapping includes fixed values of the family, and values that expressions compute from the settings. Values that equal the values
+        in the document are omitted, unless `settings` contains them. For a list of settings, return a list of mappings.
         """
         found = self._numbers.values([self._read(one)[1] for one in as_many(settings)])
         return found[0] if is_single(settings) else found
@@ -349,21 +348,21 @@ class RobotFamily:
         `name` is the name of a parameter, or a path in the document. The number is set to `value` and to nearby values. If `value` is None,
         the value in the document is used. Returns `NoModel` if the number cannot be set to `value`.
         """
-        models = self._of(mode, False)
+        models = self._models_of(mode, False)
         settings: dict[str, Any] = {
-            one: self._numbers.value_of(one) if value is None else value for one in self._reader.matching_names(str(name))
+            match: self._numbers.value_of(match) if value is None else value for match in self._reader.matching_names(str(name))
         }
-        read = self._reader.read(settings or {name: ""})
-        form: PlanCache[Any] = PlanCache()
-        plan = models.plan(read, form) if settings.keys() <= set(read.names) else None
+        parsed = self._reader.read(settings or {name: ""})
+        cache: PlanCache[Any] = PlanCache()
+        plan = models.plan(parsed, cache) if settings.keys() <= set(parsed.names) else None
         if plan is None:
-            why = "; ".join(dict.fromkeys(form.why.values())) or form.refused
-            if not why and isinstance(refused := next(models.each([(settings, read)], share=False)), NoModel):
+            reason = "; ".join(dict.fromkeys(cache.reasons.values())) or cache.failure
+            if not reason and isinstance(refused := next(models.each([(settings, parsed)], share=False)), NoModel):
                 return refused
-            return Explanation(name=name, mode=models.mode, way="passes", why=why or "the setting is not a number in the document")
-        if isinstance(plan.made, ModelTemplate):
-            return Explanation(name=name, mode=models.mode, way="text" if plan.exchange is None else "parts", why=plan.made.why)
-        return Explanation(name=name, mode=models.mode, way="arrays", fields=tuple(sorted(plan.made.written)))
+            return Explanation(name=name, mode=models.mode, way="passes", why=reason or "the setting is not a number in the document")
+        if isinstance(plan.template, ModelTemplate):
+            return Explanation(name=name, mode=models.mode, way="text" if plan.exchange is None else "parts", why=plan.template.why)
+        return Explanation(name=name, mode=models.mode, way="arrays", fields=tuple(sorted(plan.template.written)))
 
     # --- implementation -------------------------------------------------------------------------------------------------
 
@@ -377,7 +376,7 @@ class RobotFamily:
             raise UnknownChoice(f"`{self.name}` has no mode `{mode}`", did_you_mean(str(mode), self.modes, what="modes"))
         return mode
 
-    def _of(self, mode: str | None, visual: bool, floor: bool = False) -> ModelsOfMode:
+    def _models_of(self, mode: str | None, visual: bool, floor: bool = False) -> ModelsOfMode:
         mode = self.mode if mode is None else self._mode_name(mode)
         return self._planner(ModelsOfMode, mode=mode, refusals=self._refusals_of(mode), visual=visual, floor=floor)
 
@@ -385,7 +384,7 @@ class RobotFamily:
         return self._planner(Refusals, modes=(mode,))
 
     def _planner(self, kind: Callable[..., T], **options: Any) -> T:
-        """Return an object of the class `kind` with the given options. The object is cached."""
+        """Return the planner of the class `kind` with the given options. Create the planner at the first call."""
         key = (kind, *(value for value in options.values() if value is not self._plan))
         known: T = self._planners.get(key) or kind(self._session, self._reader, verify=self._verify, **options)
         self._planners[key] = known
@@ -398,9 +397,9 @@ class RobotFamily:
         return self._planner(Evaluation, mode=mode, plan=self._plan, refusals=self._refusals_of(mode), **options)
 
     def _check_tests(self, names: Sequence[str], *, alone: bool) -> None:
-        """Raise `FamilyError` if a name refers to a test whose result is not differentiable.
+        """Raise `FamilyError` if a test does not exist or has no derivatives, or if tests and other results are requested together.
 
-        Unless `alone` is True, also raise `FamilyError` for any other test.
+        `alone` is True if only tests are requested.
         """
         for name in names:
             if name not in self._numbers.spec.tests:
@@ -416,8 +415,8 @@ class RobotFamily:
         plan = self._plan
         for _, message, hint in unknown(targets):
             raise UnknownChoice(message, hint)
-        written = plan.emit if plan is not None and not targets else tuple(parse_targets(targets))
-        return self._planner(Builds, modes=plan.chosen_modes if plan is not None else (), targets=written)
+        chosen = plan.emit if plan is not None and not targets else tuple(parse_targets(targets))
+        return self._planner(Builds, modes=plan.chosen_modes if plan is not None else (), targets=chosen)
 
 
 def _read_plan(path: str, options: Options) -> Plan | None:
@@ -437,12 +436,12 @@ def _read_plan(path: str, options: Options) -> Plan | None:
 
 
 def is_single(settings: Any) -> bool:
-    """Return True if an argument is a single set of settings. Also return True for any other value that is not a list of settings."""
+    """Return True if an argument is not a list of settings: a mapping, a string, or another value that cannot be iterated."""
     return isinstance(settings, (Mapping, str, bytes)) or not isinstance(settings, Iterable)
 
 
 def as_many(settings: Any) -> Iterable[Any]:
-    """Convert an argument to an iterable of settings. The argument is a single set of settings or an iterable of such sets."""
+    """Convert an argument, which is a single set of settings or an iterable of several sets, to an iterable."""
     return [settings] if is_single(settings) else settings
 
 

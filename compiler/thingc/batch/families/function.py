@@ -79,18 +79,15 @@ class RestrictedPlan:
 
     @cached_property
     def derivatives(self) -> DerivativeFunction:
-        """A function that computes the outputs and their derivatives by the names in `traced`.
-
-        The arguments of this function are all variables of the plan.
-        """
+        """A function of all variables of the plan that computes the outputs, and their derivatives by the numbers in `traced`."""
         return derivative_function(self.restricted.program, list(self.traced.values()))
 
     @cached_property
     def through_parts(self) -> Mapping[int, DerivativeFunction]:
-        """For each name in `modelled`, a function that computes the derivatives of the outputs by this name.
+        """For each number in `modelled`, a function that computes the derivatives of the outputs by this number.
 
-        The arguments of such a function are all variables of the plan, the derivatives of the numbers of parts by the name, and the value
-        of the name.
+        Its arguments are all variables of the plan, the derivatives of the numbers in part records by this number, and the value of this
+        number.
         """
         program, first = self.restricted.program, len(self.plan.free)
         numbers = program.variables[first:]
@@ -99,11 +96,11 @@ class RestrictedPlan:
             for name, place in self.modelled.items()
         }
 
-    def slopes(self, name: int, given: Sequence[float], values: Sequence[Sequence[float]], stencil: Stencil) -> Floats | None:
-        """Return estimates `(5, m)` of the derivatives of the outputs by a number on which parts depend, or None if it is impossible.
+    def slopes(self, name: int, variables: Sequence[float], values: Sequence[Sequence[float]], stencil: Stencil) -> Floats | None:
+        """Return estimates `(5, m)` of the derivatives of the outputs by a number on which parts depend, or None if the plan cannot.
 
-        Only the derivatives of the numbers of parts are estimated. The chain rule then gives the derivatives of the outputs. `given` are
-        the variables of the plan, and `values` are the values of all settings at the nodes of the stencil.
+        Only the derivatives of the numbers in part records are estimated. The chain rule then gives the derivatives of the outputs.
+        `variables` are the values of the variables of the plan, and `values` those of all settings, one row per node of the stencil.
         """
         self.plan.prepare(values)
         rows = [self.plan.to_variables(row) for row in values]
@@ -111,11 +108,11 @@ class RestrictedPlan:
             return None
         measured = stencil.with_noise(np.array(rows)[:, len(self.plan.free) :])
         try:
-            found = [self.through_parts[name]((*given, *row, given[self.modelled[name]])) for row in measured.tolist()]
+            derivatives = [self.through_parts[name]((*variables, *row, variables[self.modelled[name]])) for row in measured.tolist()]
         except (NotSmooth, ArithmeticError, ValueError):
             return None
-        slopes = [row.jacobian[:, 0] for row in found if row is not None and not row.special]
-        return np.array(slopes) if len(slopes) == len(found) else None
+        slopes = [row.jacobian[:, 0] for row in derivatives if row is not None and not row.special]
+        return np.array(slopes) if len(slopes) == len(derivatives) else None
 
 
 class FamilyFunction:
@@ -127,21 +124,21 @@ class FamilyFunction:
 
     def __init__(
         self, evaluation: Evaluation, reader: SettingsReader, space: SearchSpace, names: Sequence[str], outputs: Sequence[str],
-        at: Mapping[str, Any], again: Callable[[], FamilyFunction],
+        at: Mapping[str, Any], reopen: Callable[[], FamilyFunction],
     ) -> None:
         if not isinstance(at, Mapping):
             raise FamilyError(f"expected `at` to be a mapping from names to values, found `{at!r}`")
-        self._evaluation, self._reader, self._fixed, self._again = evaluation, reader, dict(at), again
+        self._evaluation, self._reader, self._fixed, self._reopen = evaluation, reader, dict(at), reopen
         self.names = tuple(names)
         fixed = [other for name in at for other in (str(name), *reader.matching_names(str(name)))]
-        if twice := [name for place, name in enumerate(self.names) if name in (*self.names[:place], *fixed)]:
-            raise FamilyError(f"`{twice[0]}` is given twice", "keep only one of the two")
+        if duplicates := [name for place, name in enumerate(self.names) if name in (*self.names[:place], *fixed)]:
+            raise FamilyError(f"`{duplicates[0]}` is given twice", "keep only one of the two")
         kinds = [self._number(name) for name in self.names]
         self.dimensions = tuple(kind.dimension for kind in kinds)
         self.units = tuple(map(standard_unit, self.dimensions))
-        own = dict(zip(given.names, given.values)) if (given := reader.read({})).report is None else {}
-        self.start = np.array([own.get(name, kind.value) for name, kind in zip(self.names, kinds)], dtype=np.float64)
-        known = {one.name: (one.low, one.high) for one in space}
+        start_values = dict(zip(parsed.names, parsed.values)) if (parsed := reader.read({})).report is None else {}
+        self.start = np.array([start_values.get(name, kind.value) for name, kind in zip(self.names, kinds)], dtype=np.float64)
+        known = {dimension.name: (dimension.low, dimension.high) for dimension in space}
         limits = [known.get(name, (None, None)) for name in self.names]
         self.bounds = np.array([(-np.inf if low is None else low, np.inf if high is None else high) for low, high in limits])
         self.outputs = self._expand(outputs)
@@ -149,7 +146,7 @@ class FamilyFunction:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Support copying and pickling of the function. The copy opens the document itself."""
-        return self._again, ()
+        return self._reopen, ()
 
     def __repr__(self) -> str:
         return f"FamilyFunction({', '.join(self.names)} -> {', '.join(self.outputs)})"
@@ -161,20 +158,21 @@ class FamilyFunction:
         equal the results of `RobotFamily.evaluate` bit by bit. Raises `FamilyError` if `x` has another shape.
         """
         rows, single = self._rows(x)
-        made, ok = np.full((len(rows), len(self.outputs)), np.nan), np.zeros(len(rows), dtype=np.bool_)
+        outputs_by_row, ok = np.full((len(rows), len(self.outputs)), np.nan), np.zeros(len(rows), dtype=np.bool_)
         problems: list[tuple[Diagnostic, ...]] = [()] * len(rows)
-        rest: Sequence[int] = range(len(rows))
+        remaining: Sequence[int] = range(len(rows))
         together = self._evaluation.columns(rows, self.names, self._item, self._restrict)
         if together is not None:
-            outputs, applies, known = together
-            made[applies], rest = outputs[applies], np.flatnonzero(~applies).tolist()
-            ok[applies] = not any(one.severity is Severity.ERROR for one in known)
-            problems = [known] * len(rows)  # the diagnostics of `rest` are replaced below
-        for place, one in zip(rest, self._evaluation.each((self._item(rows[place]) for place in rest), tests=False), strict=True):
-            made[place] = [np.nan if (value := one.results.get(name)) is None else value for name in self.outputs]
-            ok[place], problems[place] = one.sound and bool(one.results), one.problems
-        ok &= ~np.isnan(made).any(axis=1)
-        values = (made[0] if single else made).view(FamilyValues)
+            planned_outputs, applies, known = together
+            outputs_by_row[applies], remaining = planned_outputs[applies], np.flatnonzero(~applies).tolist()
+            ok[applies] = not any(evaluated.severity is Severity.ERROR for evaluated in known)
+            problems = [known] * len(rows)  # the diagnostics of `remaining` are replaced below
+        items = (self._item(rows[place]) for place in remaining)
+        for place, evaluated in zip(remaining, self._evaluation.each(items, tests=False), strict=True):
+            outputs_by_row[place] = [np.nan if (value := evaluated.results.get(name)) is None else value for name in self.outputs]
+            ok[place], problems[place] = evaluated.sound and bool(evaluated.results), evaluated.problems
+        ok &= ~np.isnan(outputs_by_row).any(axis=1)
+        values = (outputs_by_row[0] if single else outputs_by_row).view(FamilyValues)
         values.ok, values.problems = (bool(ok[0]) if single else ok), tuple(problems)
         return values
 
@@ -189,23 +187,23 @@ class FamilyFunction:
         if not single:
             raise FamilyError(f"expected {len(self.names)} numbers, found an array of shape {np.shape(x)}", "call `jacobian` for each row")
         shape = (len(self.outputs), len(self.names))
-        names, found = self._derivatives_at(self._item(rows[0])[1]) or ((), None)
-        made, error = np.zeros(shape), np.zeros(shape)
-        if found is None:
+        names, exact = self._derivatives_at(self._item(rows[0])[1]) or ((), None)
+        derivatives, error = np.zeros(shape), np.zeros(shape)
+        if exact is None:
             self._require(rows[0])
-        elif not np.isfinite(found.values).all():
-            name = self.outputs[int(np.flatnonzero(~np.isfinite(found.values))[0])]
+        elif not np.isfinite(exact.values).all():
+            name = self.outputs[int(np.flatnonzero(~np.isfinite(exact.values))[0])]
             raise NotDifferentiable(f"`{name}` is not finite at {self._format_row(rows[0])}", f"remove `{name}`, or choose other settings")
         else:
-            made[:, names] = found.jacobian
+            derivatives[:, names] = exact.jacobian
         for place in range(shape[1]):
-            unknown = np.isnan(made[:, place]) if place in names else np.full(shape[0], True)
+            unknown = np.isnan(derivatives[:, place]) if place in names else np.full(shape[0], True)
             if unknown.any():
                 estimate = self._estimate(rows[0], place)
-                made[unknown, place], error[unknown, place] = (one[unknown] for one in estimate)
-            elif found is not None and names.index(place) in found.special:
-                made[:, place], error[:, place] = self._differentiate(rows[0], place, made[:, place].copy())
-        jacobian = made.view(FamilyJacobian)
+                derivatives[unknown, place], error[unknown, place] = (estimates[unknown] for estimates in estimate)
+            elif exact is not None and names.index(place) in exact.special:
+                derivatives[:, place], error[:, place] = self._differentiate(rows[0], place, derivatives[:, place].copy())
+        jacobian = derivatives.view(FamilyJacobian)
         jacobian.error = error
         return jacobian
 
@@ -218,14 +216,14 @@ class FamilyFunction:
         """
         from thingc.batch.families.jax_function import jax_function
 
-        read = self._item(self.start)[1]
+        parsed = self._item(self.start)[1]
         self._require(self.start)
-        plan, why = self._evaluation.plan_at(read)
-        if plan is None or plan.exchange is not None or (set(self.names) & {read.names[at] for at, _ in plan.fixed}):
-            why = why or "a part depends on one of the numbers"
-            raise FamilyError(f"JAX cannot compute {', '.join(self.outputs)}: {why}", "use `value` and `jacobian`")
-        by = [plan.free.index(read.names.index(name)) for name in self.names]
-        return jax_function(self._restrict(plan).program, by, [read.values[at] for at in plan.free], dtype)
+        plan, reason = self._evaluation.plan_at(parsed)
+        if plan is None or plan.exchange is not None or (set(self.names) & {parsed.names[at] for at, _ in plan.fixed}):
+            reason = reason or "a part depends on one of the numbers"
+            raise FamilyError(f"JAX cannot compute {', '.join(self.outputs)}: {reason}", "use `value` and `jacobian`")
+        by = [plan.free.index(parsed.names.index(name)) for name in self.names]
+        return jax_function(self._restrict(plan).program, by, [parsed.values[at] for at in plan.free], dtype)
 
     # --- implementation -------------------------------------------------------------------------------------------------
 
@@ -241,10 +239,10 @@ class FamilyFunction:
         if id(plan) not in self._plans:
             while len(self._plans) >= MOST:
                 self._plans.pop(next(iter(self._plans)))
-            outputs = tuple(plan.made.argument(name, plan.program) for name in self.outputs)
-            read = self._item(self.start)[1]
-            parts = {self.names.index(name) for name in self._evaluation.form_of(read).modelled if name in self.names}
-            names = {self.names.index(name): place for place, name in enumerate(read.names) if name in self.names}
+            outputs = tuple(plan.template.argument(name, plan.program) for name in self.outputs)
+            parsed = self._item(self.start)[1]
+            parts = {self.names.index(name) for name in self._evaluation.cache_for(parsed).modelled if name in self.names}
+            names = {self.names.index(name): place for place, name in enumerate(parsed.names) if name in self.names}
             free = {name: plan.free.index(place) for name, place in sorted(names.items()) if place in plan.free}
             self._plans[id(plan)] = RestrictedPlan(
                 plan=plan, restricted=replace(plan, program=replace(plan.program, outputs=outputs)),
@@ -253,76 +251,74 @@ class FamilyFunction:
             )
         return self._plans[id(plan)].restricted
 
-    def _derivatives_at(self, read: ParsedSettings) -> tuple[tuple[int, ...], Derivatives] | None:
-        """Return the indices of the numbers whose derivatives a plan computes exactly, and these derivatives.
-
-        If no plan exists, create a plan. Return None if no plan applies to the settings.
-        """
-        found = self._exact(read)
-        if found is None and read.report is None:
-            plan, _ = self._evaluation.plan_at(read)
+    def _derivatives_at(self, parsed: ParsedSettings) -> tuple[tuple[int, ...], Derivatives] | None:
+        """Return the same as `_exact_derivatives`, but create a plan if no existing plan applies."""
+        derivatives = self._exact_derivatives(parsed)
+        if derivatives is None and parsed.report is None:
+            plan, _ = self._evaluation.plan_at(parsed)
             if plan is not None:
                 self._restrict(plan)
-                found = self._exact(read)
-        return found
+                derivatives = self._exact_derivatives(parsed)
+        return derivatives
 
-    def _exact(self, read: ParsedSettings) -> tuple[tuple[int, ...], Derivatives] | None:
+    def _exact_derivatives(self, parsed: ParsedSettings) -> tuple[tuple[int, ...], Derivatives] | None:
         """Return the indices of the numbers whose derivatives an existing plan computes exactly, and these derivatives.
 
-        Return None if no plan exists.
+        Return None if no existing plan applies to the settings. Raises `NotDifferentiable` if a derivative does not exist.
         """
-        for one, given in self._find_plans(read):
+        for restricted, variables in self._find_plans(parsed):
             try:
-                found = one.derivatives(given)
+                derivatives = restricted.derivatives(variables)
             except NotSmooth as fault:
-                where = self._format_row([read.values[read.names.index(name)] for name in self.names])
+                where = self._format_row([parsed.values[parsed.names.index(name)] for name in self.names])
                 message = f"`{self.outputs[fault.output]}` is not differentiable at {where}: an intermediate value {fault.why}"
                 raise NotDifferentiable(message, f"choose other settings, or remove `{self.outputs[fault.output]}`") from None
             except (ArithmeticError, ValueError):
                 continue
-            if found is not None and not np.isnan(found.values).any():
-                return tuple(one.traced), found
+            if derivatives is not None and not np.isnan(derivatives.values).any():
+                return tuple(restricted.traced), derivatives
         return None
 
-    def _find_plans(self, read: ParsedSettings) -> Iterator[tuple[RestrictedPlan, tuple[float, ...]]]:
+    def _find_plans(self, parsed: ParsedSettings) -> Iterator[tuple[RestrictedPlan, tuple[float, ...]]]:
         """Yield each existing plan that may apply to the given settings, together with the values of its variables."""
-        known = self._evaluation.form_of(read).plans if read.report is None else ()
-        for one in self._plans.values():
-            if any(one.plan is other for other in known) and (given := one.plan.to_variables(read.values)) is not None:
-                yield one, given
+        known = self._evaluation.cache_for(parsed).plans if parsed.report is None else ()
+        for restricted in self._plans.values():
+            if any(restricted.plan is other for other in known) and (variables := restricted.plan.to_variables(parsed.values)) is not None:
+                yield restricted, variables
 
-    def _differentiate(self, x: Floats, place: int, own: Floats) -> tuple[Floats, Floats]:
-        """Return the derivatives of all outputs by one number, and their errors, if the compiler compares equal numbers at `x`.
+    def _differentiate(self, x: Floats, place: int, derivative: Floats) -> tuple[Floats, Floats]:
+        """Differentiate all outputs by the number with the index `place` at a point `x` at which the compiler compares equal numbers.
 
         For greater and for smaller values of the number, the compiler may compute the results by different operations. The derivatives on
         both sides of `x` must therefore agree with each other, and with the change of the results. If only the values on one side are
-        valid, as at a bound, return the derivative `own` at `x`. Raises `NotDifferentiable` if the derivatives on both sides differ.
+        valid, as at a bound, return `derivative` `(m,)`, the derivatives at `x`. Also return the errors `(m,)`. Raises `NotDifferentiable`
+        if the derivatives on both sides differ.
         """
         low, high = self.bounds[place]
         scale = abs(x[place]) or min(high - low, 1.0)
-        step = BESIDE * scale
-        here, sides = np.asarray(self.value(x)), []
+        step = OFFSET * scale
+        values, sides = np.asarray(self.value(x)), []
         for sign in (1.0, -1.0):
             point = x.copy()
             point[place] += sign * step
-            there = self.value(point) if low <= point[place] <= high else None
-            if there is None or not there.ok:
+            nearby = self.value(point) if low <= point[place] <= high else None
+            if nearby is None or not nearby.ok:
                 continue
-            names, found = self._derivatives_at(self._item(point)[1]) or ((), None)
-            if found is None or place not in names or names.index(place) in found.special:
+            names, side = self._derivatives_at(self._item(point)[1]) or ((), None)
+            if side is None or place not in names or names.index(place) in side.special:
                 return self._estimate(x, place)
-            sides.append((found.jacobian[:, names.index(place)], (np.asarray(there) - here) / (point[place] - x[place])))
-        rounding = 100.0 * ROUNDING * np.abs(here) / step
-        tolerance = SAME * np.abs(here) / scale + rounding + BESIDE
-        same = all(np.all(np.abs(one - sides[0][0]) <= SAME * np.abs(one) + tolerance) for pair in sides for one in pair)
-        if not sides or not same:
+            sides.append((side.jacobian[:, names.index(place)], (np.asarray(nearby) - values) / (point[place] - x[place])))
+        rounding = 100.0 * ROUNDING * np.abs(values) / step
+        tolerance = TOLERANCE * np.abs(values) / scale + rounding + OFFSET
+        agree = all(np.all(np.abs(slopes - sides[0][0]) <= TOLERANCE * np.abs(slopes) + tolerance) for pair in sides for slopes in pair)
+        if not sides or not agree:
             raise NotDifferentiable(
                 f"the results are not differentiable by `{self.names[place]}` at {self._format_row(x)}: "
                 "a result or a derivative jumps there",
                 f"choose another value of `{self.names[place]}`"
             )
-        if len(sides) == 1 and np.all(np.abs(own - sides[0][0]) <= SAME * np.abs(own) + tolerance):
-            return own, np.zeros(len(own))
+        if len(sides) == 1 and np.all(np.abs(derivative - sides[0][0]) <= TOLERANCE * np.abs(derivative) + tolerance):
+            return derivative, np.zeros(len(derivative))
         error = np.max([np.abs(slope - change) for slope, change in sides], axis=0) * 2.0 + rounding
         return np.mean([slope for slope, _ in sides], axis=0), error
 
@@ -344,29 +340,30 @@ class FamilyFunction:
 
     def _slopes(self, x: Floats, place: int, stencil: Stencil) -> Floats:
         """Return several estimates of the derivatives of all outputs by one number, as `Stencil.error` requires."""
-        slopes = self._through_parts(x, place, stencil.step)
+        slopes = self._slopes_through_parts(x, place, stencil.step)
         if slopes is not None and not np.isnan(slopes).any():
             return slopes
-        whole: Floats = stencil.weights @ self._sound(_points(x, place, stencil), place)
-        return whole if slopes is None else np.where(np.isnan(slopes), np.vstack([whole, whole[:1]]), slopes)
+        all_slopes: Floats = stencil.weights @ self._valid_results(_points(x, place, stencil), place)
+        return all_slopes if slopes is None else np.where(np.isnan(slopes), np.vstack([all_slopes, all_slopes[:1]]), slopes)
 
-    def _through_parts(self, x: Floats, place: int, step: float) -> Floats | None:
-        """Return estimates `(5, m)` of the derivatives of all outputs by a number on which parts depend, or None."""
+    def _slopes_through_parts(self, x: Floats, place: int, step: float) -> Floats | None:
+        """Return estimates `(5, m)` of the derivatives of all outputs by a number on which parts depend, or None if no plan applies."""
         low, high = self.bounds[place]
-        for offset in (0.0, SPECIAL * step, -SPECIAL * step) if any(place in one.modelled for one in self._plans.values()) else ():
+        for offset in (0.0, SPECIAL * step, -SPECIAL * step) if any(place in plan.modelled for plan in self._plans.values()) else ():
             here = x.copy()
             here[place] += offset
-            read = self._item(here)[1]
-            if not low <= here[place] <= high or self._derivatives_at(read) is None:
+            parsed = self._item(here)[1]
+            if not low <= here[place] <= high or self._derivatives_at(parsed) is None:
                 continue
             stencil = Stencil.around(here[place], step, low, high)
             values = [self._item(point)[1].values for point in _points(here, place, stencil)]
-            estimates = (one.slopes(place, given, values, stencil) for one, given in self._find_plans(read) if place in one.modelled)
-            if (slopes := next((one for one in estimates if one is not None), None)) is not None:
+            plans = (found for found in self._find_plans(parsed) if place in found[0].modelled)
+            estimates = (plan.slopes(place, variables, values, stencil) for plan, variables in plans)
+            if (slopes := next((estimate for estimate in estimates if estimate is not None), None)) is not None:
                 return slopes
         return None
 
-    def _sound(self, points: Floats, place: int) -> Floats:
+    def _valid_results(self, points: Floats, place: int) -> Floats:
         """Return the results for several settings that are close to each other.
 
         Raises `NotDifferentiable` if results are missing for one of these settings.
@@ -381,7 +378,7 @@ class FamilyFunction:
         return np.asarray(values)
 
     def _rows(self, x: npt.ArrayLike) -> tuple[Floats, bool]:
-        """Convert values of the numbers to an array with one row per set of settings. Also return True if the values are a single row."""
+        """Convert values `(n,)` or `(k, n)` of the numbers to an array `(k, n)`. Also return whether `x` has the shape `(n,)`."""
         try:
             rows = np.array(x, dtype=np.float64)
         except (TypeError, ValueError, OverflowError):
@@ -402,47 +399,47 @@ class FamilyFunction:
         kind = self._reader.kind(name)
         if isinstance(kind, Quantity):
             return kind
-        read = self._reader.read({name: 0.0})
-        if kind is None and name not in read.names:
+        parsed = self._reader.read({name: 0.0})
+        if kind is None and name not in parsed.names:
             known = [other for other, value in self._reader.parameters.items() if isinstance(value, Quantity)]
             if "." in name:
                 raise FamilyError(f"the document has no number at `{name}`", "correct the path, or add a value to the document")
             raise FamilyError(f"the document has no number `{name}`", did_you_mean(name, known, what="parameters"))
         if kind is not None:
-            words = str(kind).lower() if isinstance(kind, bool) else str(kind)
-            raise FamilyError(f"`{name}` is not a number, but `{words}`", f"remove `{name}`, or set its value separately")
+            text = str(kind).lower() if isinstance(kind, bool) else str(kind)
+            raise FamilyError(f"`{name}` is not a number, but `{text}`", f"remove `{name}`, or set its value separately")
         raise FamilyError(f"the document has no value for `{name}`", "set the value in the document")
 
     def _expand(self, outputs: Sequence[str]) -> tuple[str, ...]:
-        """Replace names of groups of results by the names of single results.
+        """Replace the name of a group of results, such as `centre`, by the names of its results: `centre.x`, `centre.y` and `centre.z`.
 
-        For example, `centre` is replaced by `centre.x`, `centre.y` and `centre.z`. Raises `FamilyError` for an unknown result.
+        Raises `FamilyError` for an unknown result.
         """
-        settings, read = self._item(self.start)
-        results = next(self._evaluation.each([(settings, read)], tests=False))
+        settings, parsed = self._item(self.start)
+        results = next(self._evaluation.each([(settings, parsed)], tests=False))
         if not results.results:
             raise FamilyError(f"there are no results at {self._format_row(self.start)}: {_errors(results.problems)}")
-        found: list[str] = []
+        names: list[str] = []
         for name in outputs:
             known = results.results
-            group = [name] if name in known else [one for one, value in known.items() if one.startswith(f"{name}.") and value is not None]
+            group = [name] if name in known else [key for key in known if key.startswith(f"{name}.") and known[key] is not None]
             if not group:
                 raise FamilyError(f"there is no result `{name}`", did_you_mean(str(name), results.results, what="results"))
-            found += group
-        return tuple(dict.fromkeys(found))
+            names += group
+        return tuple(dict.fromkeys(names))
 
     def _format_row(self, row: Sequence[float] | Floats) -> str:
         return ", ".join(f"{name} = {value:g}{f' {unit}' if unit else ''}" for name, value, unit in zip(self.names, row, self.units))
 
 
 def _errors(problems: Sequence[Diagnostic]) -> str:
-    errors = [f"{one.message}{f': {one.help}' if one.help else ''}" for one in problems if one.severity is Severity.ERROR]
-    return "; ".join(dict.fromkeys(errors))
+    errors = [problem for problem in problems if problem.severity is Severity.ERROR]
+    return "; ".join(dict.fromkeys(f"{error.message}{f': {error.help}' if error.help else ''}" for error in errors))
 
 
-BESIDE = 1e-6
+OFFSET = 1e-6
 """Relative distance of the two values that are tested on both sides of a special value of a number."""
-SAME = 1e-3
+TOLERANCE = 1e-3
 """Relative difference up to which the derivatives on both sides of a special value are treated as equal."""
 SPECIAL = 1e-6
 """The distance between a setting and a number that may be special, such as the default of a part, as a fraction of the step."""

@@ -30,18 +30,18 @@ class ModelTemplate:
     traced compilation, and `assets` contains the meshes of this compilation.
     """
 
-    def __init__(self, rehearsal: TraceResult, why: str = "", meshes: Sequence[str] = ()) -> None:
+    def __init__(self, trace: TraceResult, why: str = "", meshes: Sequence[str] = ()) -> None:
         self.why = why
         self.slotted: str
         self.assets: Mapping[str, StoredArtifact]
-        self.slotted, self.assets = rehearsal.made
+        self.slotted, self.assets = trace.result
         self._meshes = {name: f"mesh:{place}" for place, name in enumerate(meshes)}
         if meshes:
             named = rf'(?<=")({"|".join(map(re.escape, meshes))})(?=(?:\.obj)?")'
             self.slotted = re.sub(named, lambda name: slot(self._meshes[name[1]]), self.slotted)
         self.meshes = frozenset(map(slot, self._meshes.values()))
         self._template = TextTemplate(self.slotted)
-        self._numbers = NumberSlots(rehearsal.tape, (name for name in self._template.slots if name not in self._meshes.values()))
+        self._numbers = NumberSlots(trace.tape, (name for name in self._template.slots if name not in self._meshes.values()))
         self.outputs = self._numbers.outputs
         self.places = {slot(name): place for place, name in enumerate(self._numbers.names)}
         self.plain = self.text([number.value for number in self.outputs], meshes)
@@ -51,7 +51,7 @@ class ModelTemplate:
 
         Numbers are formatted in the same way as in a compilation.
         """
-        return self._template.fill({**self._numbers.words(values), **dict(zip(self._meshes.values(), meshes, strict=True))})
+        return self._template.fill({**self._numbers.format_values(values), **dict(zip(self._meshes.values(), meshes, strict=True))})
 
 
 _INERTIAL = {"pos": "ipos", "mass": "mass", "fullinertia": "fullinertia"}

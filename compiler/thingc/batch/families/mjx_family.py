@@ -54,27 +54,27 @@ class FamilyMjx:
     def __init__(self, models: ModelsOfMode, function: FamilyFunction, dtype: str) -> None:
         if dtype == "float32" and jax.config.jax_enable_x64:  # type: ignore[attr-defined]
             raise FamilyError("MJX uses 64-bit numbers if they are enabled in JAX", "omit `dtype`, or disable `jax_enable_x64`")
-        settings, read = function._item(function.start)
-        self._places = [read.names.index(name) for name in function.names]
-        plan, why = models.template_at(read)
+        settings, parsed = function._item(function.start)
+        self._places = [parsed.names.index(name) for name in function.names]
+        plan, reason = models.template_at(parsed)
         if plan is not None and plan.exchange is not None:
-            plan, why = models.template_at(replace(read, values=self._next_values(read.values)))
-        lost = [name for name in function.names if plan is None or plan.free.count(read.names.index(name)) == 0]
+            plan, reason = models.template_at(replace(parsed, values=self._next_values(parsed.values)))
+        lost = [name for name in function.names if plan is None or plan.free.count(parsed.names.index(name)) == 0]
         if plan is None or lost:
-            raise FamilyError(f"MJX cannot vary {', '.join(lost)}: {why}", "set the value with `at`, or use `models`")
+            raise FamilyError(f"MJX cannot vary {', '.join(lost)}: {reason}", "set the value with `at`, or use `models`")
         self.names, self.start, self.units, self.bounds = function.names, function.start, function.units, function.bounds
-        self._plan, self._values = plan, read.values
-        given = self._variables(read.values)
-        if given is None:
+        self._plan, self._values = plan, parsed.values
+        variables = self._variables(parsed.values)
+        if variables is None:
             raise FamilyError(f"MJX cannot vary {', '.join(self.names)}: nearby values take different branches", "use `models`")
-        by = [plan.free.index(at) for at in self._places] if plan.exchange is None else range(len(given))
-        self._start, self._run = given, jax_function(plan.program, by, given, dtype, "models")
-        self.mj_model: mujoco.MjModel = next(iter(models.each([(settings, read)], share=False)))
-        self._read_template(plan.made)
+        by = [plan.free.index(at) for at in self._places] if plan.exchange is None else range(len(variables))
+        self._start, self._run = variables, jax_function(plan.program, by, variables, dtype, "models")
+        self.mj_model: mujoco.MjModel = next(iter(models.each([(settings, parsed)], share=False)))
+        self._read_template(plan.template)
         self.base = self._put_base(models.mode)
         self._data = mjx.make_data(self.mj_model)
-        self._one = jax.jit(self._fields)  # JAX traces the function once
-        self._many = jax.jit(jax.vmap(self._one))
+        self._fields_of_row = jax.jit(self._fields)  # JAX traces the function once
+        self._fields_of_rows = jax.jit(jax.vmap(self._fields_of_row))
         for name in self._writes:
             if not isinstance(attrgetter(name)(self.base), jax.Array) or (name.startswith("opt.") and name not in OPTIONS):
                 raise self._fixed_error(f"MJX fixes `{name}` when it converts a model")
@@ -85,10 +85,10 @@ class FamilyMjx:
     @cached_property
     def varied(self) -> tuple[str, ...]:
         """The names of the model fields that depend on the numbers."""
-        return tuple(jax.eval_shape(self._one, self._with_parts(self.start[None])[0][0])[0])
+        return tuple(jax.eval_shape(self._fields_of_row, self._to_variables(self.start[None])[0][0])[0])
 
     def model(self, p: Any) -> tuple[mjx.Model, Any]:
-        """Return the MJX model for values `(n,)` of the numbers, and a boolean that is True for valid values.
+        """Return the MJX model for the values `p` `(n,)` of the numbers, and a boolean that is True if these values are valid.
 
         This method is a pure function, which can be used with `jit`, `vmap` and `grad`. If the values are refused or require other
         decisions of the compiler than `start`, the boolean is False and the model is undefined. Raises `FamilyError` if parts depend on the
@@ -96,7 +96,7 @@ class FamilyMjx:
         """
         if self._plan.exchange is not None:
             raise FamilyError(f"parts depend on {', '.join(self.names)}, and a pure function cannot build parts", "use `batch`")
-        fields, ok = self._one(p)
+        fields, ok = self._fields_of_row(p)
         return self.base.tree_replace(fields), ok
 
     def batch(self, p: npt.ArrayLike) -> tuple[mjx.Model, mjx.Model, Any]:
@@ -109,7 +109,7 @@ class FamilyMjx:
         rows = jnp.asarray(p)
         if rows.ndim != 2 or rows.shape[1] != len(self.names):
             raise FamilyError(f"expected an array of shape (k, {len(self.names)}) for {', '.join(self.names)}, found {rows.shape}")
-        rows, built = self._with_parts(rows)
+        rows, built = self._to_variables(rows)
         fields, ok = self._in_blocks(rows)
         axes = jax.tree_util.tree_map(lambda _: None, self.base)
         return self.base.tree_replace(fields), axes.tree_replace(dict.fromkeys(fields, 0)), ok & built
@@ -134,12 +134,12 @@ class FamilyMjx:
     def _in_blocks(self, rows: Any) -> tuple[Fields, Any]:
         """Return the fields and flags of all rows, computed in blocks of equal size, so that JAX compiles only once."""
         if len(rows) <= BLOCK:
-            return self._many(rows)  # type: ignore[no-any-return]
+            return self._fields_of_rows(rows)  # type: ignore[no-any-return]
         padded = jnp.concatenate([rows, jnp.repeat(rows[-1:], -len(rows) % BLOCK, axis=0)])
-        blocks = [self._many(block) for block in padded.reshape(-1, BLOCK, rows.shape[1])]
+        blocks = [self._fields_of_rows(block) for block in padded.reshape(-1, BLOCK, rows.shape[1])]
         return jax.tree_util.tree_map(lambda *own: jnp.concatenate(own)[: len(rows)], *blocks)  # type: ignore[no-any-return]
 
-    def _with_parts(self, rows: Any) -> tuple[Any, Any]:
+    def _to_variables(self, rows: Any) -> tuple[Any, Any]:
         """Replace the rows `(k, n)` of values by rows with all variables of the plan, if parts depend on the values.
 
         Also return flags `(k,)` that are False for rows whose parts cannot be built, or require another plan. Such rows get the variables
@@ -150,8 +150,8 @@ class FamilyMjx:
         settings = np.tile(self._values, (len(rows), 1))
         settings[:, self._places] = rows
         self._plan.prepare(settings.tolist())
-        given = [self._variables(values) for values in settings.tolist()]
-        return jnp.asarray([one or self._start for one in given]), np.array([one is not None for one in given])
+        rows = [self._variables(values) for values in settings.tolist()]
+        return jnp.asarray([row or self._start for row in rows]), np.array([row is not None for row in rows])
 
     def _variables(self, values: Sequence[float]) -> tuple[float, ...] | None:
         """Return the values of the variables of the plan for the values of all settings, or None if the plan does not apply.
@@ -159,15 +159,15 @@ class FamilyMjx:
         A parameter that has its default value is omitted from the name of the part. The plan does not apply to this exact value, but to
         the next floating-point number, with the same part up to rounding errors.
         """
-        for one in (values, self._next_values(values)):
+        for candidate in (values, self._next_values(values)):
             with suppress(ArithmeticError, ValueError):
-                if given := self._plan.to_variables(one):
-                    return given
+                if variables := self._plan.to_variables(candidate):
+                    return variables
         return None
 
     def _next_values(self, values: Sequence[float]) -> tuple[float, ...]:
         """Replace the values of the numbers `names` by the next floating-point numbers."""
-        return tuple(float(np.nextafter(one, np.inf)) if place in self._places else one for place, one in enumerate(values))
+        return tuple(float(np.nextafter(value, np.inf)) if place in self._places else value for place, value in enumerate(values))
 
     def _read_template(self, template: ModelTemplate) -> None:
         """Find the elements of model fields that contain the numbers of the XML template."""
@@ -187,8 +187,8 @@ class FamilyMjx:
             raise self._fixed_error(f"MuJoCo uses `{fault.attribute}` at compile time") from None
         self._writes = {name: write for name, write in self._numbers.writes.items() if not name.startswith(IGNORED)}
         self.ratios = [
-            (model.actuator(one.get("name", "")).id, template.places.get(ratio), ratio)
-            for one in root.iterfind("actuator/*") if (ratio := one.get("dampratio")) is not None
+            (model.actuator(actuator.get("name", "")).id, template.places.get(ratio), ratio)
+            for actuator in root.iterfind("actuator/*") if (ratio := actuator.get("dampratio")) is not None
         ]
         self._recomputes = bool(self.ratios) or affect_constants(self._numbers.add_mass_fields(self._writes), model)
         self._sized = self._rows("geom_size")
@@ -232,7 +232,7 @@ class FamilyMjx:
             ) from None
         return base.tree_replace({name: jnp.asarray(getattr(self.mj_model, name)) for name in FRICTION if name in self._writes})
 
-    def _raw(self, name: str) -> Any:
+    def _field_in_xml(self, name: str) -> Any:
         """Return the values of a field of `base`.
 
         For geoms with meshes, return the poses in the XML instead. MuJoCo's compiler combines these poses with the poses of the meshes.
@@ -254,7 +254,7 @@ class FamilyMjx:
         numbers, ok = self._run(p)
         fields: Fields = {}
         for name, write in self._writes.items():
-            old = self._raw(name)
+            old = self._field_in_xml(name)
             fields[name] = old.reshape(-1).at[write.at].set(numbers[write.columns] * write.signs).reshape(old.shape)
         if len(self._numbers.bodies):
             table = jnp.concatenate([numbers, jnp.asarray(self._numbers.constants, dtype=numbers.dtype)])[self._numbers.inertials]
@@ -278,7 +278,7 @@ class FamilyMjx:
             fields["geom_rbound"], fields["geom_aabb"] = radii, boxes
         if len(self._meshes):
             offsets, turns = self._mesh_poses()
-            own = {name: fields.get(name, self._raw(name)) for name in ("geom_pos", "geom_quat")}
+            own = {name: fields.get(name, self._field_in_xml(name)) for name in ("geom_pos", "geom_quat")}
             turned = own["geom_quat"][self._meshes]
             fields["geom_pos"] = own["geom_pos"].at[self._meshes].add(jax.vmap(math.rotate)(offsets, turned))
             fields["geom_quat"] = own["geom_quat"].at[self._meshes].set(jax.vmap(math.quat_mul)(turned, turns))

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from thingc.driver.session import Session
     from thingc.targets.artifact import StoredArtifact
 
-KEPT = 32
+CACHED = 32
 """Maximum number of cached compiled models. The cache is useful for training, which uses the same morphologies repeatedly."""
 
 Item = tuple[Mapping[str, Any], ParsedSettings]
@@ -64,16 +64,16 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
         self._meshes = MountedFiles()
         self._files: mujoco.MjVfs | None = None
         self._specs: WeakKeyDictionary[ModelTemplate, RecompiledSpec | None] = WeakKeyDictionary()
-        self._kept: OrderedDict[tuple[ParsedSettings, bool], mujoco.MjModel] = OrderedDict()
+        self._cached: OrderedDict[tuple[ParsedSettings, bool], mujoco.MjModel] = OrderedDict()
 
-    def each(self, many: Iterable[Item], *, share: bool) -> Iterator[mujoco.MjModel | NoModel]:
+    def each(self, items: Iterable[Item], *, share: bool) -> Iterator[mujoco.MjModel | NoModel]:
         """Yield the models for many settings in the order of the settings.
 
         With `share`, a model is valid only until the next model is requested.
         """
         waiting: list[tuple[Item, NumericPlan[Any], tuple[float, ...]]] = []
-        for item in many:
-            planned = None if self._is_kept(item[1], share) else self.find_plan(item[1])
+        for item in items:
+            planned = None if self._uses_cache(item[1], share) else self.find_plan(item[1])
             if waiting and (planned is None or planned[0] is not waiting[0][1] or len(waiting) == TOGETHER):
                 yield from self._together(waiting, share)
                 waiting = []
@@ -83,49 +83,49 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
                 waiting.append((item, *planned))
         yield from self._together(waiting, share)
 
-    def take_back(self) -> None:
+    def undo_changes(self) -> None:
         """Undo the changes of callers to shared models, so that later models do not contain these changes."""
-        for form in self.forms.values():
-            for plan in form.plans:
-                if isinstance(plan.made, Arrays):
-                    plan.made.take_back()
-        self._kept = OrderedDict((key, model) for key, model in self._kept.items() if not key[1])
+        for cache in self.caches.values():
+            for plan in cache.plans:
+                if isinstance(plan.template, Arrays):
+                    plan.template.undo_changes()
+        self._cached = OrderedDict((key, model) for key, model in self._cached.items() if not key[1])
 
-    def _is_kept(self, read: ParsedSettings, share: bool) -> bool:
+    def _uses_cache(self, parsed: ParsedSettings, share: bool) -> bool:
         """Return True if the compiled model of these settings is cached, and computing a model with a plan would not be faster."""
-        return (read, share) in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.form_of(read).plans)
+        return (parsed, share) in self._cached and not any(isinstance(plan.template, Arrays) for plan in self.cache_for(parsed).plans)
 
-    def template_at(self, read: ParsedSettings) -> tuple[NumericPlan[ModelTemplate] | None, str]:
-        """Return a plan that computes the XML of the model for these settings.
+    def template_at(self, parsed: ParsedSettings) -> tuple[NumericPlan[ModelTemplate] | None, str]:
+        """Create a plan that computes the XML of the model for these settings, and return the plan.
 
-        Also return the reasons why this plan requires constant values for some numbers. If no plan exists, return None and the reason.
+        Also return the reasons why some numbers must be constant. If no plan can be created, return None and the reason.
         """
-        form: PlanCache[Arrays | ModelTemplate] = PlanCache()
-        plan = self.plan(read, form, text=True)
-        if plan is not None and plan.outputs(read.values) is not None:
-            return cast(NumericPlan[ModelTemplate], plan), "; ".join(f"`{name}`: {why}" for name, why in form.why.items())
-        return None, form.refused or "the compilation takes a different branch for these settings"
+        cache: PlanCache[Arrays | ModelTemplate] = PlanCache()
+        plan = self.plan(parsed, cache, text=True)
+        if plan is not None and plan.outputs(parsed.values) is not None:
+            return cast(NumericPlan[ModelTemplate], plan), "; ".join(f"`{name}`: {reason}" for name, reason in cache.reasons.items())
+        return None, cache.failure or "the compilation takes a different branch for these settings"
 
     def plan(
-        self, read: ParsedSettings, form: PlanCache[Arrays | ModelTemplate], *, text: bool = False,
+        self, parsed: ParsedSettings, cache: PlanCache[Arrays | ModelTemplate], *, text: bool = False,
     ) -> NumericPlan[Arrays | ModelTemplate] | None:
         """Create a plan that computes the same models as a compilation. With `text`, the plan computes only the XML of the models.
 
-        If no plan can be created, store the reason in `form` and return None.
+        If no plan can be created, store the reason in `cache` and return None.
         """
-        first = self.whole(read)
+        first = self.run_passes(parsed)
         if first is None:  # refused settings do not prove that other settings have no plan
             return None
 
         slower, arrays = "", None
 
-        def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], Arrays | ModelTemplate]:
+        def finish(trace: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], Arrays | ModelTemplate]:
             nonlocal slower, arrays
             if exchange is not None:
-                template = ModelTemplate(rehearsal, "; ".join(dict.fromkeys(form.modelled.values())), exchange.names)
+                template = ModelTemplate(trace, "; ".join(dict.fromkeys(cache.modelled.values())), exchange.names)
                 return template.outputs, template
-            template = ModelTemplate(rehearsal)
-            assets = self.source(read).assets
+            template = ModelTemplate(trace)
+            assets = self.source(parsed).assets
             if not slower and not text:
                 try:
                     arrays = Arrays(template.slotted, template.places, template.plain, assets, self._load)
@@ -135,41 +135,43 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
             template.why = slower
             return template.outputs, template
 
-        while (plan := self.new_plan(read, form, first, self._write_traced, finish, applies=text)) is None and arrays is not None:
-            slower, form.refused, arrays = f"with arrays, {form.refused}", None, None
+        while (plan := self.new_plan(parsed, cache, first, self._write_traced, finish, applies=text)) is None and arrays is not None:
+            slower, cache.failure, arrays = f"with arrays, {cache.failure}", None, None
         return plan
 
     def _write_traced(self, compilation: Compilation, tape: Tape) -> WrittenModel:
-        """Write the model of a traced compilation, in which slots take the place of numbers."""
+        """Write the XML of the model of a traced compilation, with slots instead of traced numbers, and return it with its meshes."""
         request = replace(pipeline.request_of(self.session.environment, compilation, verify=False), memo=Memo())
         tape.writing = True
         texts, assets = model_sources(request, floor=self.floor)
         tape.writing = False
         return texts[self.mode], assets
 
-    def assets(self, made: WrittenModel) -> Mapping[str, StoredArtifact]:
+    def assets(self, traced: WrittenModel) -> Mapping[str, StoredArtifact]:
         """Return the meshes of a traced model."""
-        return made[1]
+        return traced[1]
 
-    def whole(self, read: ParsedSettings) -> mujoco.MjModel | None:
+    def run_passes(self, parsed: ParsedSettings) -> mujoco.MjModel | None:
         """Compile the model of the given settings. Return None if the settings are refused."""
-        outcome = self._compile(read)
+        outcome = self._compile(parsed)
         return None if isinstance(outcome, tuple) else outcome
 
-    def difference(self, made: mujoco.MjModel, whole: mujoco.MjModel) -> str:
-        """Return the name of the first field in which two models differ, or an empty string if they are equal."""
-        fields = different_fields(made, whole)
+    def difference(self, computed: mujoco.MjModel, compiled: mujoco.MjModel) -> str:
+        """Describe the first field in which two models differ, or return an empty string if they are equal."""
+        fields = different_fields(computed, compiled)
         return f"a different `{fields[0]}`" if fields else ""
 
-    def compute(self, plan: NumericPlan[Arrays | ModelTemplate], outputs: tuple[float, ...], read: ParsedSettings) -> mujoco.MjModel:
+    def compute(self, plan: NumericPlan[Arrays | ModelTemplate], outputs: tuple[float, ...], parsed: ParsedSettings) -> mujoco.MjModel:
         """Compute a model with a plan."""
-        if isinstance(plan.made, ModelTemplate):
-            return self._by_text(plan, plan.made, read, outputs)
-        plan.made.put(plan.made.prepare([outputs]), 0)
-        return plan.made.model
+        if isinstance(plan.template, ModelTemplate):
+            return self._by_text(plan, plan.template, parsed, outputs)
+        plan.template.put(plan.template.prepare([outputs]), 0)
+        return plan.template.model
 
-    def _by_text(self, plan: NumericPlan[Any], template: ModelTemplate, read: ParsedSettings, outputs: tuple[float, ...]) -> mujoco.MjModel:
-        exchanged = plan.exchange_parts(read.values)
+    def _by_text(
+        self, plan: NumericPlan[Any], template: ModelTemplate, parsed: ParsedSettings, outputs: tuple[float, ...],
+    ) -> mujoco.MjModel:
+        exchanged = plan.exchange_parts(parsed.values)
         meshes = () if exchanged is None else exchanged.names
         self._mount(template.assets if exchanged is None else exchanged.assets)
         spec = self._specs.get(template)
@@ -181,10 +183,10 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
         text = template.text(outputs, meshes)
         model = self._load(text)
         if template not in self._specs:
-            self._specs[template] = self._kept_spec(template, text, outputs, meshes, model)
+            self._specs[template] = self._create_spec(template, text, outputs, meshes, model)
         return model
 
-    def _kept_spec(
+    def _create_spec(
         self, template: ModelTemplate, text: str, outputs: tuple[float, ...], meshes: Sequence[str], model: mujoco.MjModel,
     ) -> RecompiledSpec | None:
         """Return an `MjSpec` that compiles to the same model as the XML `text`. Return None if no such `MjSpec` can be created."""
@@ -202,9 +204,9 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
             return
         plan = waiting[0][1]
         prepared = None
-        if isinstance(plan.made, Arrays):
+        if isinstance(plan.template, Arrays):
             try:
-                prepared = plan.made.prepare([outputs for _, _, outputs in waiting])
+                prepared = plan.template.prepare([outputs for _, _, outputs in waiting])
             except ValueError:  # MuJoCo rejects one of the models
                 for item, _, _ in waiting:
                     yield self._compile_cached(item, share)
@@ -212,52 +214,52 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
         for index, (item, _, outputs) in enumerate(waiting):
             is_due = plan.is_due(self.verify)
             if prepared is None:
-                model = self._by_text(plan, plan.made, item[1], outputs)
+                model = self._by_text(plan, plan.template, item[1], outputs)
             else:
                 if is_due or not share:
-                    plan.made.take_back()
-                plan.made.put(prepared, index)
-                model = plan.made.lend() if share else plan.made.model
-            if is_due and not self.confirms(model, self.whole(item[1]), item[1], self.form_of(item[1])):
+                    plan.template.undo_changes()
+                plan.template.put(prepared, index)
+                model = plan.template.lend() if share else plan.template.model
+            if is_due and not self.confirms(model, self.run_passes(item[1]), item[1], self.cache_for(item[1])):
                 for wrong, _, _ in waiting[index:]:
                     yield self._compile_cached(wrong, share)
                 return
             if share and prepared is None:
-                self._keep(item[1], share, model)
+                self._add_to_cache(item[1], share, model)
             yield model if share or prepared is None else copy.copy(model)
 
     def _compile_cached(self, item: Item, share: bool) -> mujoco.MjModel | NoModel:
         """Return the model of the given settings from the cache, or compile it."""
-        settings, read = item
-        known = self._kept.get((read, share)) if read.report is None else None
+        settings, parsed = item
+        known = self._cached.get((parsed, share)) if parsed.report is None else None
         if known is None:
-            refused = self.refusals.problems(read)
-            outcome = self._compile(read) if refused is None else refused
+            refused = self.refusals.problems(parsed)
+            outcome = self._compile(parsed) if refused is None else refused
             if isinstance(outcome, tuple):
                 if refused is None:
-                    self.refusals.learn(read, outcome)
+                    self.refusals.learn(parsed, outcome)
                 return NoModel(settings=settings, problems=outcome)
             known = outcome
-        self._keep(read, share, known)
+        self._add_to_cache(parsed, share, known)
         return known if share else copy.copy(known)
 
-    def _keep(self, read: ParsedSettings, share: bool, model: mujoco.MjModel) -> None:
+    def _add_to_cache(self, parsed: ParsedSettings, share: bool, model: mujoco.MjModel) -> None:
         """Add a model to the cache.
 
         Shared models, which callers may change, and models that are copied for callers have separate caches.
         """
-        self._kept[read, share] = model
-        self._kept.move_to_end((read, share))
-        if len(self._kept) > KEPT:
-            self._kept.popitem(last=False)
+        self._cached[parsed, share] = model
+        self._cached.move_to_end((parsed, share))
+        if len(self._cached) > CACHED:
+            self._cached.popitem(last=False)
 
     # --- through every pass ---------------------------------------------------------------------------------------------
 
-    def _compile(self, read: ParsedSettings) -> mujoco.MjModel | tuple[Diagnostic, ...]:
+    def _compile(self, parsed: ParsedSettings) -> mujoco.MjModel | tuple[Diagnostic, ...]:
         """Compile the document with the given settings. Return the MuJoCo model, or the diagnostics if the settings are refused."""
-        if read.report is not None:
-            return tuple(read.report.sorted_diagnostics())
-        compilation = self.session.compile(self.reader.settings(read), (self.mode,))
+        if parsed.report is not None:
+            return tuple(parsed.report.sorted_diagnostics())
+        compilation = self.session.compile(self.reader.settings(parsed), (self.mode,))
         report: Report = compilation.report
         if report.failed:
             return tuple(report.sorted_diagnostics())
@@ -271,9 +273,9 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
             self.session.emit(compilation, ["mjcf"])  # report the error with the reason
             return tuple(report.sorted_diagnostics())
 
-    def source(self, read: ParsedSettings) -> ModelSource:
+    def source(self, parsed: ParsedSettings) -> ModelSource:
         """For valid settings, return the XML text of the model and the contents of its meshes."""
-        compilation = self.session.compile(self.reader.settings(read), (self.mode,))
+        compilation = self.session.compile(self.reader.settings(parsed), (self.mode,))
         texts, assets = model_sources(pipeline.request_of(self.session.environment, compilation, verify=False), floor=self.floor)
         self._mount(assets)
         return ModelSource(text=texts[self.mode], assets={file: self._bytes(stored) for file, stored in assets.items()})
@@ -287,8 +289,8 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
         try:
             return store.read(stored.sha256)
         except BlobMissing as fault:
-            words = "the cache no longer contains the meshes of parts; create the family again, which rebuilds missing parts"
-            raise StoreUnusable(store.root, words) from fault
+            message = "the cache no longer contains the meshes of parts; create the family again, which rebuilds missing parts"
+            raise StoreUnusable(store.root, message) from fault
 
     def _load(self, text: str) -> mujoco.MjModel:
         import mujoco
@@ -297,5 +299,5 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
 
     def _add_options(self, text: str) -> str:
         # MuJoCo has cached most meshes: starting threads would take longer.
-        asked = 'usethread="false"' if self.visual else 'usethread="false" discardvisual="true"'
-        return text.replace("<compiler ", f"<compiler {asked} ", 1)
+        attributes = 'usethread="false"' if self.visual else 'usethread="false" discardvisual="true"'
+        return text.replace("<compiler ", f"<compiler {attributes} ", 1)

@@ -31,12 +31,12 @@ class Evaluated(OneLineRepr, FrozenStruct):
     @property
     def sound(self) -> bool:
         """True if the settings are valid, which means that there are no errors."""
-        return not any(one.severity is Severity.ERROR for one in self.problems)
+        return not any(problem.severity is Severity.ERROR for problem in self.problems)
 
     @property
     def kept(self) -> bool:
         """True if there are no errors, all rules are satisfied, and all requested tests have passed."""
-        return self.sound and self.broken is None and all(one.passed for one in self.tests)
+        return self.sound and self.broken is None and all(test.passed for test in self.tests)
 
     def __getitem__(self, name: str) -> float | None:
         """Return the result with this name in SI units.
@@ -45,7 +45,7 @@ class Evaluated(OneLineRepr, FrozenStruct):
         """
         if name in self.results:
             return self.results[name]
-        refused = next((one.message for one in self.problems if one.severity is Severity.ERROR), None)
+        refused = next((problem.message for problem in self.problems if problem.severity is Severity.ERROR), None)
         if refused is not None and not self.results:
             raise UnknownVariant(f"result `{name}` does not exist, because the settings {dict(self.settings)} are rejected: {refused}")
         raise UnknownVariant(f"there is no result `{name}`", did_you_mean(str(name), self.results, what="results"))
@@ -66,7 +66,7 @@ class NoModel(OneLineRepr, FrozenStruct):
     @property
     def reason(self) -> str:
         """The error messages that explain why the settings do not have a model, as one string."""
-        return "; ".join(dict.fromkeys(one.message for one in self.problems if one.severity is Severity.ERROR))
+        return "; ".join(dict.fromkeys(problem.message for problem in self.problems if problem.severity is Severity.ERROR))
 
     def __repr__(self) -> str:
         return f"NoModel({dict(self.settings)}: {self.reason})"
@@ -88,10 +88,10 @@ class Explanation(OneLineRepr, FrozenStruct):
     why: str = ""
 
     def __str__(self) -> str:
-        how = {
+        description = {
             "arrays": f"changes {', '.join(self.fields) or 'nothing'} of one compiled model",
             "text": "changes the text of one model, which MuJoCo compiles again",
             "parts": "changes the text and the parts of one model, which MuJoCo compiles again",
             "passes": "is compiled again",
         }[self.way]
-        return f"{self.name} {how}{': ' + self.why if self.why else ''} (mode {self.mode})"
+        return f"{self.name} {description}{': ' + self.why if self.why else ''} (mode {self.mode})"

@@ -71,13 +71,13 @@ class SearchSpace(Sequence[SpaceDimension]):
     def suggest(self, trial: Any) -> dict[str, Any]:
         """Ask an `optuna.Trial` for a value of each bounded dimension, and return a mapping of settings with these values."""
         settings: dict[str, Any] = {}
-        for one in self._bounded_dimensions():
-            if one.choices:
-                settings[one.name] = trial.suggest_categorical(one.name, list(one.choices))
-            elif one.whole:
-                settings[one.name] = trial.suggest_int(one.name, round(one.low or 0.0), round(one.high or 0.0))
+        for axis in self._bounded_dimensions():
+            if axis.choices:
+                settings[axis.name] = trial.suggest_categorical(axis.name, list(axis.choices))
+            elif axis.whole:
+                settings[axis.name] = trial.suggest_int(axis.name, round(axis.low or 0.0), round(axis.high or 0.0))
             else:
-                settings[one.name] = trial.suggest_float(one.name, one.low, one.high)
+                settings[axis.name] = trial.suggest_float(axis.name, axis.low, axis.high)
         return settings
 
     def gymnasium(self) -> Any:
@@ -89,18 +89,18 @@ class SearchSpace(Sequence[SpaceDimension]):
         import numpy as np
         from gymnasium import spaces
 
-        made: dict[str, Any] = {}
-        for one in self._bounded_dimensions():
-            if one.choices:
-                made[one.name] = spaces.Discrete(len(one.choices))
-            elif one.whole:
-                made[one.name] = spaces.Discrete(round((one.high or 0.0) - (one.low or 0.0)) + 1, start=round(one.low or 0.0))
+        subspaces: dict[str, Any] = {}
+        for axis in self._bounded_dimensions():
+            if axis.choices:
+                subspaces[axis.name] = spaces.Discrete(len(axis.choices))
+            elif axis.whole:
+                subspaces[axis.name] = spaces.Discrete(round((axis.high or 0.0) - (axis.low or 0.0)) + 1, start=round(axis.low or 0.0))
             else:
-                made[one.name] = spaces.Box(one.low or 0.0, one.high or 0.0, shape=(), dtype=np.float64)
-        return spaces.Dict(made)
+                subspaces[axis.name] = spaces.Box(axis.low or 0.0, axis.high or 0.0, shape=(), dtype=np.float64)
+        return spaces.Dict(subspaces)
 
     def settings(self, point: Mapping[str, Any]) -> dict[str, Any]:
-        """Convert a point of the space that the method `gymnasium` returns to settings.
+        """Convert a point of the space `gymnasium()` to settings.
 
         Raises `UnknownVariant`, a `KeyError`, for an unknown name, and `ValueError` for an invalid point.
         """
@@ -109,8 +109,8 @@ class SearchSpace(Sequence[SpaceDimension]):
         dimensions = {name: self[name] for name in point}
         try:
             return {
-                name: one.choices[int(point[name])] if one.choices else int(point[name]) if one.whole else float(point[name])
-                for name, one in dimensions.items()
+                name: axis.choices[int(point[name])] if axis.choices else int(point[name]) if axis.whole else float(point[name])
+                for name, axis in dimensions.items()
             }
         except (TypeError, ValueError, IndexError, OverflowError):
             raise ValueError(f"expected a sample of the space `gymnasium()`, found `{point}`") from None
@@ -120,35 +120,35 @@ class SearchSpace(Sequence[SpaceDimension]):
 
         To convert a vector within these bounds to settings, use the method `at`.
         """
-        return tuple((one.low, one.high) for one in self._bounded_dimensions() if one.low is not None and one.high is not None)
+        return tuple((axis.low, axis.high) for axis in self._bounded_dimensions() if axis.low is not None and axis.high is not None)
 
     def at(self, vector: Sequence[float]) -> dict[str, float]:
         """Convert a vector with a value for each bounded number to settings. The values of integer dimensions are rounded.
 
         Raises `ValueError` if the vector has another length, or if the argument is not a vector of numbers.
         """
-        numbers = [one for one in self._bounded_dimensions() if not one.choices]
+        numbers = [axis for axis in self._bounded_dimensions() if not axis.choices]
         try:
             if len(vector) == len(numbers):
-                return {one.name: float(round(value)) if one.whole else float(value) for one, value in zip(numbers, vector, strict=True)}
-            found = str(len(vector))
+                return {axis.name: float(round(value)) if axis.whole else float(value) for axis, value in zip(numbers, vector, strict=True)}
+            count = str(len(vector))
         except (TypeError, ValueError, OverflowError):
-            found = f"`{vector}`"
-        raise ValueError(f"expected {len(numbers)} numbers ({', '.join(one.name for one in numbers)}), found {found}")
+            count = f"`{vector}`"
+        raise ValueError(f"expected {len(numbers)} numbers ({', '.join(axis.name for axis in numbers)}), found {count}")
 
 
-def of_axes(axes: Sequence[Axis], own: Mapping[str, ExpressionValue]) -> SearchSpace:
+def of_axes(axes: Sequence[Axis], document_values: Mapping[str, ExpressionValue]) -> SearchSpace:
     """Create the search space of a variants document from its axes. `own` contains the values in the assembly document."""
-    return SearchSpace([_of_axis(axis, own.get(axis.key)) for axis in axes])
+    return SearchSpace([_of_axis(axis, document_values.get(axis.key)) for axis in axes])
 
 
-def _of_axis(axis: Axis, own: ExpressionValue | None) -> SpaceDimension:
-    value = None if own is None else plain(own)
+def _of_axis(axis: Axis, document_value: ExpressionValue | None) -> SpaceDimension:
+    value = None if document_value is None else plain(document_value)
     if axis.range is not None:
         low, high = axis.range
         return SpaceDimension(name=axis.key, unit=low.dimension.symbol, low=low.value, high=high.value, whole=axis.whole, value=value)
-    unit = next((one.dimension.symbol for one in axis.values if isinstance(one, Quantity)), "")
-    return SpaceDimension(name=axis.key, unit=unit, choices=tuple(plain(one) for one in axis.values), value=value)
+    unit = next((entry.dimension.symbol for entry in axis.values if isinstance(entry, Quantity)), "")
+    return SpaceDimension(name=axis.key, unit=unit, choices=tuple(plain(entry) for entry in axis.values), value=value)
 
 
 def of_parameters(spec: AssemblySpec, values: Mapping[str, ExpressionValue], bound: Any) -> SearchSpace:
@@ -157,14 +157,14 @@ def of_parameters(spec: AssemblySpec, values: Mapping[str, ExpressionValue], bou
     The callback `bound(name, key)` returns a bound of a parameter [SI].
     """
     dimensions: list[SpaceDimension] = []
-    for name, own in values.items():
+    for name, document_value in values.items():
         entry = spec.parameters[name]
-        if isinstance(own, bool):
-            dimensions.append(SpaceDimension(name=name, choices=(False, True), value=own))
-        elif isinstance(own, Quantity):
+        if isinstance(document_value, bool):
+            dimensions.append(SpaceDimension(name=name, choices=(False, True), value=document_value))
+        elif isinstance(document_value, Quantity):
             low, high = (bound(name, key) if isinstance(entry, ParameterSpec) else None for key in ("min", "max"))
-            symbol = "" if own.dimension == NUMBER else own.dimension.symbol
-            dimensions.append(SpaceDimension(name=name, unit=symbol, low=low, high=high, value=own.value))
+            symbol = "" if document_value.dimension == NUMBER else document_value.dimension.symbol
+            dimensions.append(SpaceDimension(name=name, unit=symbol, low=low, high=high, value=document_value.value))
         else:
-            dimensions.append(SpaceDimension(name=name, value=own))
+            dimensions.append(SpaceDimension(name=name, value=document_value))
     return SearchSpace(dimensions)

@@ -162,12 +162,12 @@ class Arrays:
     def lend(self) -> mujoco.MjModel:
         """Return the compiled model itself instead of a copy.
 
-        The caller can modify the model, and `take_back` undoes these modifications.
+        The caller can modify the model, and `undo_changes` undoes these modifications.
         """
         self._is_lent = True
         return self.model
 
-    def take_back(self) -> None:
+    def undo_changes(self) -> None:
         """Undo the modifications of callers, so that `put` creates the exact model of a variant."""
         if self._is_lent:
             restore(self.model, self._first)

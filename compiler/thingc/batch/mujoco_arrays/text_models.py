@@ -134,7 +134,7 @@ class _Kind:
         self._made += 1
         is_due = self._made & (self._made - 1) == 0
         if is_due or not share:
-            self._arrays.take_back()
+            self._arrays.undo_changes()
         self._arrays.put(prepared, index)
         if is_due and different_fields(self._arrays.model, one.compiled()):
             self._slow = True

@@ -100,44 +100,44 @@ class Builds(Planner["_Template", Build]):
 
         Return None if no plan applies to the settings. The settings can then be valid or invalid.
         """
-        read = self.reader.read({**settings.parameters, **settings.choices})
-        given = {*settings.parameters, *settings.choices}
-        if given != {*read.names, *dict(read.texts)} or not self._has_slots:
+        parsed = self.reader.read({**settings.parameters, **settings.choices})
+        names = {*settings.parameters, *settings.choices}
+        if names != {*parsed.names, *dict(parsed.texts)} or not self._has_slots:
             return None
-        planned = self.find_plan(read)
+        planned = self.find_plan(parsed)
         if planned is None:
             return None
         plan, outputs = planned
-        made = plan.made.build(outputs, settings)
-        if made is None:
+        build = plan.template.build(outputs, settings)
+        if build is None:
             return None
-        right = not plan.is_due(self.verify) or self.confirms(made, self.compile_build(settings)[0], read, self.form_of(read))
-        return made if right else None
+        confirmed = not plan.is_due(self.verify) or self.confirms(build, self.compile_build(settings)[0], parsed, self.cache_for(parsed))
+        return build if confirmed else None
 
     def find_refusal(self, settings: Settings) -> tuple[tuple[Diagnostic, ...], int] | None:
         """If a plan shows that the settings are refused, return the diagnostics and the number of part definitions.
 
         Otherwise, return None.
         """
-        read = self._refusable(settings)
-        problems = None if read is None else self.refusals.problems(read)
+        parsed = self._refusable(settings)
+        problems = None if parsed is None else self.refusals.problems(parsed)
         return None if problems is None else (problems, self.refusals.parts)
 
     def learn(self, settings: Settings, problems: tuple[Diagnostic, ...]) -> None:
         """Record that a compilation of these settings has failed, so that the method `find_refusal` recognizes similar settings."""
-        read = self._refusable(settings)
-        if read is not None:
-            self.refusals.learn(read, problems)
+        parsed = self._refusable(settings)
+        if parsed is not None:
+            self.refusals.learn(parsed, problems)
 
     def _refusable(self, settings: Settings) -> ParsedSettings | None:
         """Parse the settings for the method `find_refusal`.
 
         Return None if a plan could report other diagnostics than a compilation, or the same diagnostics in another order.
         """
-        read = self.reader.read({**settings.parameters, **settings.choices})
-        own = self.reader.settings(read)
-        alike = [*settings.parameters] == [*own.parameters] and [*settings.choices.items()] == [*own.choices.items()]
-        return read if alike else None
+        parsed = self.reader.read({**settings.parameters, **settings.choices})
+        rewritten = self.reader.settings(parsed)
+        same_order = [*settings.parameters] == [*rewritten.parameters] and [*settings.choices.items()] == [*rewritten.choices.items()]
+        return parsed if same_order else None
 
     def build(self, settings: Settings) -> tuple[Mapping[str, Content], tuple[Diagnostic, ...]]:
         """Create the build files for the given settings, with a plan or by a compilation. Also return the diagnostics of the build.
@@ -169,40 +169,40 @@ class Builds(Planner["_Template", Build]):
             return None, problems
         files = self.session.files(compilation, artifacts)
         return Build(
-            results=results, problems=problems, losses=counts_of(loss for one in artifacts.values() for loss in one.losses),
+            results=results, problems=problems, losses=counts_of(loss for artifact in artifacts.values() for loss in artifact.losses),
             parts=len(compilation.decisions), files=lambda: files,
         ), problems
 
-    def plan(self, read: ParsedSettings, form: PlanCache[_Template]) -> NumericPlan[_Template] | None:
+    def plan(self, parsed: ParsedSettings, cache: PlanCache[_Template]) -> NumericPlan[_Template] | None:
         """Create a plan that gives the same builds as a compilation.
 
-        If no plan can be created, store the reason in `form` and return None.
+        If no plan can be created, store the reason in `cache` and return None.
         """
-        first, _ = self.compile_build(self.reader.settings(read))
+        first, _ = self.compile_build(self.reader.settings(parsed))
         if first is None:
             return None
 
-        def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], _Template]:
-            template = _Template(rehearsal, first)
+        def finish(trace: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], _Template]:
+            template = _Template(trace, first)
             return template.outputs, template
 
-        return self.new_plan(read, form, first, partial(self._write_templates, read), finish, applies=False)
+        return self.new_plan(parsed, cache, first, partial(self._write_templates, parsed), finish, applies=False)
 
-    def whole(self, read: ParsedSettings) -> Build | None:
+    def run_passes(self, parsed: ParsedSettings) -> Build | None:
         """Create a build by a compilation. Return None if the settings are refused."""
-        return self.compile_build(self.reader.settings(read), verify=0)[0]
+        return self.compile_build(self.reader.settings(parsed), verify=0)[0]
 
-    def compute(self, plan: NumericPlan[_Template], outputs: Sequence[float], read: ParsedSettings) -> Build | None:
+    def compute(self, plan: NumericPlan[_Template], outputs: Sequence[float], parsed: ParsedSettings) -> Build | None:
         """Create a build with a plan. Return None if a number in a file would be infinite or NaN."""
-        return plan.made.build(outputs, self.reader.settings(read))
+        return plan.template.build(outputs, self.reader.settings(parsed))
 
-    def difference(self, made: Build, whole: Build) -> str:
+    def difference(self, computed: Build, compiled: Build) -> str:
         """Return a description of the difference between two builds, or an empty string if they are equal."""
-        same = all(getattr(made, name) == getattr(whole, name) for name in COMPARED) and made.files() == whole.files()
-        return "" if same else "different files"
+        equal = all(getattr(computed, name) == getattr(compiled, name) for name in COMPARED) and computed.files() == compiled.files()
+        return "" if equal else "different files"
 
     def _write_templates(
-        self, read: ParsedSettings, compilation: Compilation, tape: Tape,
+        self, parsed: ParsedSettings, compilation: Compilation, tape: Tape,
     ) -> tuple[Mapping[str, Content], Mapping[str, Any]]:
         """Create the files of a traced compilation with slots for numbers and settings, and its results with traced numbers.
 
@@ -211,10 +211,12 @@ class Builds(Planner["_Template", Build]):
         results = self._measured(compilation) or {}
         environment = copy.copy(self.session.environment)
         environment.memo = Memo()
-        own = self.reader.settings(read)
-        names = (*own.parameters, *own.choices)
+        written = self.reader.settings(parsed)
+        names = (*written.parameters, *written.choices)
         slots = {name: slot(f"{SETTING}{name}") for name in names}
-        settings = Settings(parameters={name: slots[name] for name in own.parameters}, choices={name: slots[name] for name in own.choices})
+        settings = Settings(
+            parameters={name: slots[name] for name in written.parameters}, choices={name: slots[name] for name in written.choices},
+        )
         tape.writing = True
         request = pipeline.request_of(environment, compilation, verify=0)
         artifacts = self._emit(replace(request, geometry=cast("GeometryService", _Kernel(request.geometry))), self._targets)
@@ -241,37 +243,37 @@ class _Kernel:
         If the poses of parts contain traced numbers, return an empty file instead. In this case, the plan applies only to the current
         values of these numbers.
         """
-        rows: list[tuple[Any, ...]] = [row for one in instances for row in (*one.pose.rotation, one.pose.translation)]
+        rows: list[tuple[Any, ...]] = [row for instance in instances for row in (*instance.pose.rotation, instance.pose.translation)]
         traced = [number for row in rows for number in row if isinstance(number, Traced)]
         for number in traced:
             number.tape.pin(number)
-        written: StoredFile = StoredFile(sha256="", size=0) if traced else self._service.assemble(name, instances)
-        return written
+        file: StoredFile = StoredFile(sha256="", size=0) if traced else self._service.assemble(name, instances)
+        return file
 
 
 class _Template:
-    """The build files with slots for numbers. `outputs` contains the numbers for the slots and for the results.
+    """The files of a build with slots for numbers. `outputs` contains the numbers for the slots, followed by those for the results.
 
-    `like` is a build without slots that has the same diagnostics and export losses.
+    `like` is a compiled build, which has the same diagnostics and export losses.
     """
 
-    def __init__(self, rehearsal: TraceResult, like: Build) -> None:
-        files, results = rehearsal.made
+    def __init__(self, trace: TraceResult, like: Build) -> None:
+        files, results = trace.result
         self._like = like
         self._shape = TracedResults(results)
         self._files: dict[str, Content] = dict(files)
-        written = {path: content for path, content in files.items() if isinstance(content, bytes)}
-        self._zips = {path: entries(content) for path, content in written.items() if path.endswith(".mjz")}
+        contents = {path: content for path, content in files.items() if isinstance(content, bytes)}
+        self._zips = {path: entries(content) for path, content in contents.items() if path.endswith(".mjz")}
         models = {path: inflate(inner.pop(MODEL)).decode() for path, inner in self._zips.items()}
-        own = {path: models.get(path) or content.decode() for path, content in written.items()}
-        manifest = own.pop(MANIFEST)
-        self._texts = {path: text for path, content in own.items() if (text := TextTemplate(content)).slots}
+        generated = {path: models.get(path) or content.decode() for path, content in contents.items()}
+        manifest = generated.pop(MANIFEST)
+        self._texts = {path: text for path, content in generated.items() if (text := TextTemplate(content)).slots}
         for path in self._texts:
-            manifest = manifest.replace(hashlib.sha256(written[path]).hexdigest(), slot(f"{DIGEST}{path}"))
+            manifest = manifest.replace(hashlib.sha256(contents[path]).hexdigest(), slot(f"{DIGEST}{path}"))
         self._manifest = TextTemplate(manifest)
         self._settings = [name.removeprefix(SETTING) for name in self._manifest.slots if name.startswith(SETTING)]
-        said = [name for name in self._manifest.slots if not name.startswith((SETTING, DIGEST))]
-        self._numbers = NumberSlots(rehearsal.tape, (*(name for text in self._texts.values() for name in text.slots), *said))
+        manifest_numbers = [name for name in self._manifest.slots if not name.startswith((SETTING, DIGEST))]
+        self._numbers = NumberSlots(trace.tape, (*(name for text in self._texts.values() for name in text.slots), *manifest_numbers))
         self.outputs = [*self._numbers.outputs, *self._shape.outputs]
 
     def build(self, outputs: Sequence[float], settings: Settings) -> Build | None:
@@ -290,14 +292,14 @@ class _Template:
     def files(self, numbers: Sequence[float], settings: Settings) -> dict[str, Content]:
         """Insert numbers and the texts of settings into the slots, and return a mapping from paths to the contents of all files."""
         files = dict(self._files)
-        words, digests = self._numbers.words(numbers), {}
-        given = {**settings.parameters, **settings.choices}
+        number_texts, digests = self._numbers.format_values(numbers), {}
+        setting_texts = {**settings.parameters, **settings.choices}
         for path, text in self._texts.items():
-            content = text.fill(words).encode()
+            content = text.fill(number_texts).encode()
             if path in self._zips:
                 content = make_zip({MODEL: content, **self._zips[path]})
             files[path] = content
             digests[f"{DIGEST}{path}"] = hashlib.sha256(content).hexdigest()
-        texts = {f"{SETTING}{name}": json_text(encode_basestring(given[name]))[1:-1] for name in self._settings}
-        files[MANIFEST] = self._manifest.fill({**words, **digests, **texts}).encode()
+        texts = {f"{SETTING}{name}": json_text(encode_basestring(setting_texts[name]))[1:-1] for name in self._settings}
+        files[MANIFEST] = self._manifest.fill({**number_texts, **digests, **texts}).encode()
         return files

@@ -43,28 +43,28 @@ MOMENTS = "_principal_moments"
 
 def column_function(program: Program) -> ColumnFunction:
     """Convert a program to a function of arrays that contain one value per setting."""
-    last: dict[int, int] = {int(one): len(program.statements) for one in program.outputs if isinstance(one, Ref)}
+    last: dict[int, int] = {int(argument): len(program.statements) for argument in program.outputs if isinstance(argument, Ref)}
     for place in range(len(program.statements) - 1, -1, -1):
-        for one in program.statements[place].arguments:
-            if isinstance(one, Ref):
-                last.setdefault(int(one), place)
+        for argument in program.statements[place].arguments:
+            if isinstance(argument, Ref):
+                last.setdefault(int(argument), place)
     functions = {**numeric.OPERATIONS, **program.operations, **ONE_BY_ONE}
     unused: list[list[int]] = [[] for _ in (*program.statements, None)]
     for index, place in last.items():
         unused[place].append(index)
-    near = _guards_only(program)
+    inexact = _guards_only(program)
 
     def run(values: Floats) -> tuple[Floats, Booleans]:
         columns: dict[int, Any] = dict(zip(program.variables, np.ascontiguousarray(values.T, dtype=np.float64), strict=True))
         ok = np.ones(len(values), dtype=np.bool_)
         with np.errstate(all="ignore"):
             for statement, dropped in zip(program.statements, unused[:-1], strict=True):
-                _execute(statement, columns, ok, near, functions)
+                _execute(statement, columns, ok, inexact, functions)
                 for index in dropped:
                     columns.pop(index, None)
         outputs = np.empty((len(values), len(program.outputs)))
-        for place, one in enumerate(program.outputs):
-            outputs[:, place] = value_in(one, columns)
+        for place, argument in enumerate(program.outputs):
+            outputs[:, place] = value_in(argument, columns)
         return outputs, ok
 
     return run
@@ -75,30 +75,30 @@ def _guards_only(program: Program) -> set[int]:
 
     Such values need not be computed exactly.
     """
-    near: set[int] = set()
-    for one in program.statements:
-        depends = any(int(argument) in near for argument in one.arguments if isinstance(argument, Ref))
-        if isinstance(one, Operation) and one.target not in program.needed and (depends or one.operation == MOMENTS):
-            near.add(one.target)
-    return near
+    inexact: set[int] = set()
+    for statement in program.statements:
+        depends = any(int(argument) in inexact for argument in statement.arguments if isinstance(argument, Ref))
+        if isinstance(statement, Operation) and statement.target not in program.needed and (depends or statement.operation == MOMENTS):
+            inexact.add(statement.target)
+    return inexact
 
 
 def _execute(
-    statement: Operation | Guard, columns: dict[int, Any], ok: Booleans, near: set[int], functions: Mapping[str, Callable[..., Any]],
+    statement: Operation | Guard, columns: dict[int, Any], ok: Booleans, inexact: set[int], functions: Mapping[str, Callable[..., Any]],
 ) -> None:
     """Execute one statement of a program for all settings at once.
 
     `ok` contains a flag for each setting. This function sets the flag to False if the program does not apply to the setting. The program
     does not apply if a guard has a different outcome, or if an operation fails. The program also does not apply if the outcome of a guard
-    is uncertain because it compares inexact values, which are listed in `near`.
+    is uncertain because it compares inexact values, which are listed in `inexact`.
     """
-    arguments = [value_in(one, columns) for one in statement.arguments]
+    arguments = [value_in(argument, columns) for argument in statement.arguments]
     if isinstance(statement, Operation):
-        approximate = statement.operation == MOMENTS and statement.target in near
+        approximate = statement.operation == MOMENTS and statement.target in inexact
         columns[statement.target] = _moments(arguments, ok) if approximate else _operation(statement.operation, arguments, ok, functions)
         return
     ok &= np.asarray(_operation(statement.operation, arguments, ok, functions), dtype=np.bool_) == statement.outcome
-    if len(arguments) == 2 and any(int(one) in near for one in statement.arguments if isinstance(one, Ref)):
+    if len(arguments) == 2 and any(int(argument) in inexact for argument in statement.arguments if isinstance(argument, Ref)):
         ok &= np.abs(np.subtract(*arguments)) > _DECIDED * np.maximum(*map(np.abs, arguments))
 
 
@@ -106,7 +106,7 @@ def _operation(name: str, arguments: Sequence[Any], ok: Booleans, functions: Map
     if name == "item" and isinstance(arguments[0], np.ndarray):  # an item of principal moments
         return arguments[0][arguments[1]]
     if name == "item":  # an item of each tuple in a list
-        items = [one[arguments[1]] for one in arguments[0]]
+        items = [row[arguments[1]] for row in arguments[0]]
         return items if isinstance(items[0], tuple) else np.array(items, dtype=np.float64)
     if name in EXACT:
         return EXACT[name](*arguments)
@@ -120,25 +120,25 @@ def _operation(name: str, arguments: Sequence[Any], ok: Booleans, functions: Map
         return _hypot(arguments, ok)
     if name == "_fsum":
         return _fsum(arguments, ok)
-    return _each(functions[name], arguments, ok)
+    return _call_per_row(functions[name], arguments, ok)
 
 
-def _each(function: Callable[..., Any], arguments: Sequence[Any], ok: Booleans) -> Any:
+def _call_per_row(function: Callable[..., Any], arguments: Sequence[Any], ok: Booleans) -> Any:
     """Call a function once per setting, and return the results as an array or a list of tuples.
 
     If a call fails, set the flag of this setting in `ok` to False.
     """
-    rows = zip(*(one.tolist() if isinstance(one, np.ndarray) else repeat(one, len(ok)) for one in arguments))
+    rows = zip(*(argument.tolist() if isinstance(argument, np.ndarray) else repeat(argument, len(ok)) for argument in arguments))
     try:
         results = [function(*row) for row in rows]
         return results if isinstance(results[0], tuple) else np.array(results)
     except (ArithmeticError, ValueError):
         pass
-    rows = zip(*(one.tolist() if isinstance(one, np.ndarray) else repeat(one, len(ok)) for one in arguments))
-    found = [_attempt(function, row) for row in rows]
-    ok &= np.array([one is not None for one in found])
-    filler = next((one for one in found if one is not None), np.nan)
-    results = [filler if one is None else one for one in found]
+    rows = zip(*(argument.tolist() if isinstance(argument, np.ndarray) else repeat(argument, len(ok)) for argument in arguments))
+    results_or_none = [_attempt(function, row) for row in rows]
+    ok &= np.array([result is not None for result in results_or_none])
+    filler = next((result for result in results_or_none if result is not None), np.nan)
+    results = [filler if result is None else result for result in results_or_none]
     return results if isinstance(filler, tuple) else np.array(results)
 
 
@@ -155,23 +155,23 @@ def _hypot(arguments: Sequence[Any], ok: Booleans) -> Any:
     The sum of squares is computed with twice the digits of a float (Dekker 1971), and the square root with one correction step. Python
     computes results that are close to the middle of two floats, and results for values whose squares overflow or underflow.
     """
-    components = [np.broadcast_to(np.asarray(one, dtype=np.float64), ok.shape) for one in arguments]
-    sizes = [np.abs(one) for one in components]
+    components = [np.broadcast_to(np.asarray(values, dtype=np.float64), ok.shape) for values in arguments]
+    sizes = [np.abs(values) for values in components]
     largest = np.max(sizes, axis=0)
-    tiny = np.any([(one < 1e-120) & (one != 0.0) for one in sizes], axis=0)
+    tiny = np.any([(values < 1e-120) & (values != 0.0) for values in sizes], axis=0)
     high, low = _square(components[0])
-    for one in components[1:]:
-        square, rest = _square(one)
+    for values in components[1:]:
+        square, lost = _square(values)
         high, error = _sum(high, square)
-        low = low + rest + error
+        low = low + lost + error
     root = np.sqrt(high)
-    square, rest = _square(root)
-    change = (((high - square) - rest) + low) / (2.0 * root)
+    square, lost = _square(root)
+    change = (((high - square) - lost) + low) / (2.0 * root)
     result = np.where(high == 0.0, 0.0, root + change)
     distance = np.abs(change - (result - root)) / np.spacing(result)  # below a power of two, the middle is at a quarter
     sure = (np.abs(distance - 0.5) > _LAST) & (np.abs(distance - 0.25) > _LAST)
     for row in np.flatnonzero(~((largest < 1e120) & ~tiny & ((high == 0.0) | sure))):
-        length = _attempt(numeric.hypot, [float(one[row]) for one in components])
+        length = _attempt(numeric.hypot, [float(values[row]) for values in components])
         ok[row] &= length is not None
         result[row] = np.nan if length is None else length
     return result
@@ -183,7 +183,7 @@ def _moments(arguments: Sequence[Any], ok: Booleans) -> Floats:
     The algorithm is the same as in the function `principal_axes`. If moments have very different sizes, the relative error of this method
     would be greater, so Python computes the result.
     """
-    entries = [np.broadcast_to(np.asarray(one, dtype=np.float64), ok.shape) for one in arguments]
+    entries = [np.broadcast_to(np.asarray(entry, dtype=np.float64), ok.shape) for entry in arguments]
     m = [[(entries[3 * row + column] + entries[3 * column + row]) / 2.0 for column in range(3)] for row in range(3)]
     for _ in range(8):
         for p, q, r in ((0, 1, 2), (0, 2, 1), (1, 2, 0)):
@@ -195,12 +195,12 @@ def _moments(arguments: Sequence[Any], ok: Booleans) -> Floats:
             m[p][r] = m[r][p] = c * (x - t * y)
             m[q][r] = m[r][q] = c * (y + t * x)
             m[p][q] = m[q][p] = np.zeros(ok.shape)
-        rest = np.abs(m[0][1]) + np.abs(m[0][2])
-        if not np.any(rest > 1e-16 * np.abs(m[0][0])):
+        off_diagonal = np.abs(m[0][1]) + np.abs(m[0][2])
+        if not np.any(off_diagonal > 1e-16 * np.abs(m[0][0])):
             break
     moments: Floats = np.sort([m[0][0], m[1][1], m[2][2]], axis=0)
-    for row in np.flatnonzero(~((rest <= 1e-15 * moments[2]) & (moments[0] > 1e-3 * moments[2]))):
-        exact = _attempt(numeric.OPERATIONS[MOMENTS], [float(one[row]) for one in entries])
+    for row in np.flatnonzero(~((off_diagonal <= 1e-15 * moments[2]) & (moments[0] > 1e-3 * moments[2]))):
+        exact = _attempt(numeric.OPERATIONS[MOMENTS], [float(entry[row]) for entry in entries])
         ok[row] &= exact is not None
         moments[:, row] = np.nan if exact is None else exact
     return moments
@@ -213,26 +213,26 @@ def _fsum(arguments: Sequence[Any], ok: Booleans) -> Any:
     close to the middle of two floats, or that are much smaller than the summands.
     """
     arrays = [one for one in arguments if isinstance(one, np.ndarray)]
-    constants = _few([one for one in arguments if not isinstance(one, np.ndarray)])
+    constants = _as_two_numbers([value for value in arguments if not isinstance(value, np.ndarray)])
     values = [*arrays, *(np.broadcast_to(np.float64(one), ok.shape) for one in constants)]
-    total, errors, rest = values[0], np.zeros(ok.shape), np.zeros(ok.shape)
+    total, errors, lost_sum = values[0], np.zeros(ok.shape), np.zeros(ok.shape)
     for one in values[1:]:
         total, error = _sum(total, one)
         errors, lost = _sum(errors, error)
-        rest = rest + np.abs(lost)
+        lost_sum = lost_sum + np.abs(lost)
     result = total + errors
     spacing = np.spacing(np.abs(result))
     distance = np.abs(errors - (result - total)) / spacing
-    sure = (np.abs(distance - 0.5) > _LAST) & (np.abs(distance - 0.25) > _LAST) & (rest < _LAST / 4.0 * spacing)
+    sure = (np.abs(distance - 0.5) > _LAST) & (np.abs(distance - 0.25) > _LAST) & (lost_sum < _LAST / 4.0 * spacing)
     result = result + 0.0  # for zeros with a sign, `math.fsum` returns 0.0
-    for row in np.flatnonzero(~((rest == 0.0) | sure) | ~np.isfinite(result)):
+    for row in np.flatnonzero(~((lost_sum == 0.0) | sure) | ~np.isfinite(result)):
         exact = _attempt(math.fsum, [[float(one[row]) for one in values]])
         ok[row] &= exact is not None
         result[row] = np.nan if exact is None else exact
     return result
 
 
-def _few(numbers: Sequence[float]) -> Sequence[float]:
+def _as_two_numbers(numbers: Sequence[float]) -> Sequence[float]:
     """Return two numbers whose exact sum equals the exact sum of `numbers`. If two such numbers do not exist, return `numbers`."""
     try:
         high = math.fsum(numbers)
@@ -270,8 +270,8 @@ def _extreme(replaces: Callable[[Any, Any], Any], first: Any, *others: Any) -> A
 
     The order of the values matters for NaN, and for zeros with different signs.
     """
-    for one in others:
-        first = np.where(replaces(one, first), one, first)
+    for value in others:
+        first = np.where(replaces(value, first), value, first)
     return first
 
 

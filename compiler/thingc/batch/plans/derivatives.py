@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from thingc.batch.plans.program import Argument, Operation, Program, function, names, word
+from thingc.batch.plans.program import Argument, Operation, Program, compile_function, namespace, operand
 from thingc.batch.plans.tape import OPERATORS, Const, Ref
 
 Floats = npt.NDArray[np.float64]
@@ -121,7 +121,7 @@ class Step:
 
     def code(self, template: str) -> str:
         """Replace the placeholders in the expression of a partial derivative or of a kink by names of values and constants."""
-        return template.format(*map(word, self.arguments), r=f"v{self.target}")
+        return template.format(*map(operand, self.arguments), r=f"v{self.target}")
 
     @property
     def kink(self) -> str:
@@ -130,8 +130,8 @@ class Step:
         The condition is empty for an operation that always has a derivative.
         """
         if self.operation in EXTREMES:
-            words = ", ".join(map(word, self.arguments))
-            return f"({words}).count(v{self.target}) > 1"
+            operands = ", ".join(map(operand, self.arguments))
+            return f"({operands}).count(v{self.target}) > 1"
         return self.code(self.rule.kink) if self.rule.kink else ""
 
 
@@ -176,10 +176,10 @@ def derivative_function(program: Program, by: Sequence[int] | None = None) -> De
 
     def derivatives(values: Sequence[float]) -> Derivatives | None:
         nonlocal decisions, run
-        found = run(*values)
-        if found is None:
+        result = run(*values)
+        if result is None:
             return None
-        outputs, entries = found
+        outputs, entries = result
         special: frozenset[int] = frozenset()
         if isinstance(entries, dict):
             special, always = _special(program, decisions, varying, values, entries)
@@ -198,7 +198,7 @@ def with_slopes(program: Program, by: int, numbers: Sequence[int]) -> Program:
     The arguments of the new program are the variables of the old program, followed by the slopes of the linear functions. The last argument
     is the value of the variable `by` at which the numbers have the given values.
     """
-    unused = 1 + max(*program.variables, *(one.target for one in program.statements if isinstance(one, Operation)))
+    unused = 1 + max(*program.variables, *(line.target for line in program.statements if isinstance(line, Operation)))
     count = len(numbers)
     values, slopes, changes = (range(unused + k * count, unused + (k + 1) * count) for k in range(3))
     centre, offset = unused + 3 * count, unused + 3 * count + 1
@@ -206,7 +206,7 @@ def with_slopes(program: Program, by: int, numbers: Sequence[int]) -> Program:
     for number, value, slope, change in zip(numbers, values, slopes, changes, strict=True):
         lines += [Operation(change, "*", (Ref(slope), Ref(offset))), Operation(number, "+", (Ref(value), Ref(change)))]
     renamed = dict(zip(numbers, values, strict=True))
-    variables = (*(renamed.get(one, one) for one in program.variables), *slopes, centre)
+    variables = (*(renamed.get(index, index) for index in program.variables), *slopes, centre)
     return replace(program, variables=variables, statements=(*lines, *program.statements))
 
 
@@ -222,12 +222,12 @@ def _decisions(program: Program, varying: Sequence[int]) -> list[Decision]:
     """Return the comparisons in the guards of a program that depend on the given variables."""
     depends: dict[int, frozenset[int]] = {index: frozenset((column,)) for column, index in enumerate(varying)}
     tests: dict[str, frozenset[int]] = {}
-    for one in program.statements:
-        columns = frozenset[int]().union(*(depends.get(_index(argument), frozenset()) for argument in one.arguments))
-        if isinstance(one, Operation):
-            depends[one.target] = columns
-        elif columns and len(one.arguments) == 2 and one.operation in OPERATORS:
-            tests[f"{word(one.arguments[0])} == {word(one.arguments[1])}"] = columns
+    for statement in program.statements:
+        columns = frozenset[int]().union(*(depends.get(_index(argument), frozenset()) for argument in statement.arguments))
+        if isinstance(statement, Operation):
+            depends[statement.target] = columns
+        elif columns and len(statement.arguments) == 2 and statement.operation in OPERATORS:
+            tests[f"{operand(statement.arguments[0])} == {operand(statement.arguments[1])}"] = columns
     return list(tests.items())
 
 
@@ -239,8 +239,8 @@ def _special(
     Return the columns of the variables on which these comparisons depend, and the comparisons whose numbers remain equal. Only those
     variables are tested that affect a comparison between numbers that are currently equal.
     """
-    functions = names()
-    equal = [one for one in decisions if eval(one[0], functions, known)]
+    functions = namespace()
+    equal = [decision for decision in decisions if eval(decision[0], functions, known)]
     probe = _generate_function(program, (), (), None)
     special: set[int] = set()
     differ: set[Decision] = set()
@@ -249,13 +249,13 @@ def _special(
             place = program.variables.index(varying[column])
             moved = [value + sign * BESIDE * (abs(value) or 1.0) if at == place else value for at, value in enumerate(values)]
             try:
-                found = probe(*moved)
+                nearby = probe(*moved)
             except (ArithmeticError, ValueError):
-                found = None
-            if found is None:
+                nearby = None
+            if nearby is None:
                 special.add(column)
-            differ.update(one for one in equal if column in one[1] and (found is None or not eval(one[0], functions, found[1])))
-    return frozenset(special), [one for one in equal if one not in differ]
+            differ.update(test for test in equal if column in test[1] and (nearby is None or not eval(test[0], functions, nearby[1])))
+    return frozenset(special), [decision for decision in equal if decision not in differ]
 
 
 def _generate_function(program: Program, steps: Sequence[Step], decisions: Sequence[Decision], code: Code | None) -> Callable[..., Any]:
@@ -266,13 +266,13 @@ def _generate_function(program: Program, steps: Sequence[Step], decisions: Seque
     """
     text = [f"def run({', '.join(f'v{index}' for index in program.variables)}):"]
     text += program.code
-    outputs = "".join(f"{word(one)}, " for one in program.outputs)
+    outputs = "".join(f"{operand(output)}, " for output in program.outputs)
     tests = [*(test for test, _ in decisions), *(step.kink for step in steps if step.kink)]
     text.append(f" if {'True' if code is None else ' or '.join(tests) or 'False'}: return ({outputs}), locals()")
     statements, entries = code or ([], [])
-    text += [f" {one}" for one in statements]
-    text.append(f" return ({outputs}), ({''.join(f'{one}, ' for one in entries)})")
-    return function("run", text, program.operations)  # type: ignore[no-any-return]
+    text += [f" {statement}" for statement in statements]
+    text.append(f" return ({outputs}), ({''.join(f'{entry}, ' for entry in entries)})")
+    return compile_function("run", text, program.operations)  # type: ignore[no-any-return]
 
 
 def _forward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -> Code:
@@ -318,7 +318,7 @@ def _partials(step: Step, statements: list[str]) -> list[tuple[int, str]]:
     for place in step.varying:
         code = step.code(step.rule.partial(place))
         if "v" not in code:
-            code = repr(float(eval(code, names())))
+            code = repr(float(eval(code, namespace())))
         elif not code.isidentifier():
             statements.append(f"p{step.target}_{place} = {code}")
             code = f"p{step.target}_{place}"
@@ -355,7 +355,7 @@ def _by_arrays(program: Program, steps: Sequence[Step], varying: Sequence[int], 
     zero = np.zeros(len(varying))
     known: dict[int, Floats] = dict(zip(varying, np.eye(len(zero)), strict=True))
     reasons: dict[int, Partials] = {}
-    functions = names(program.operations)
+    functions = namespace(program.operations)
     for step in steps:
         inner = [known.get(_index(one), zero) for one in step.arguments]
         at_kink = bool(step.kink) and eval(step.kink, functions, values)
@@ -382,25 +382,25 @@ def _by_arrays(program: Program, steps: Sequence[Step], varying: Sequence[int], 
 
 
 def _number(argument: Argument, values: dict[str, float]) -> float:
-    return values[word(argument)] if isinstance(argument, Ref) else float(argument.value)
+    return values[operand(argument)] if isinstance(argument, Ref) else float(argument.value)
 
 
 def _steps_of(program: Program, variables: Sequence[int]) -> list[Step]:
     """Return the operations that depend on the variables and affect outputs, with their derivative rules, in the order of computation."""
-    made = {one.target: one for one in program.statements if isinstance(one, Operation)}
+    operations = {one.target: one for one in program.statements if isinstance(one, Operation)}
     varying, steps = set(variables), []
-    for line in made.values():
+    for line in operations.values():
         operation, arguments = line.operation, line.arguments
-        inner = made.get(_index(arguments[0])) if operation == "item" else None
+        inner = operations.get(_index(arguments[0])) if operation == "item" else None
         if inner is not None and inner.operation == "quarter_exact":
             operation, arguments = ROTATION[arguments[1] == Const(1)], inner.arguments
         if places := tuple(place for place, one in enumerate(arguments) if isinstance(one, Ref) and int(one) in varying):
             varying.add(line.target)
             steps.append(Step(line.target, "negative" if (operation, len(arguments)) == ("-", 1) else operation, arguments, places))
-    wanted = {int(one) for one in program.outputs if isinstance(one, Ref)}
+    needed = {int(one) for one in program.outputs if isinstance(one, Ref)}
     used = []
     for step in reversed(steps):
-        if step.target in wanted:
-            wanted.update(_index(step.arguments[place]) for place in step.varying)
+        if step.target in needed:
+            needed.update(_index(step.arguments[place]) for place in step.varying)
             used.append(step)
     return used[::-1]

@@ -17,7 +17,7 @@ from thingc.batch.plans.program import Argument, Program
 from thingc.batch.plans.tape import Const, Traced
 from thingc.driver.settings import ParsedSettings
 
-Made = TypeVar("Made")
+Template = TypeVar("Template")
 
 MOST = 32
 """Maximum number of plans for settings with the same names and texts. The least recently used plans are dropped."""
@@ -28,37 +28,34 @@ EXCHANGED = (2, 4)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class NumericPlan(Generic[Made]):
+class NumericPlan(Generic[Template]):
     """A plan, which computes the numbers in a model, in files or in results from the values of settings.
 
-    `program` computes the numbers, and `made` inserts the numbers into a model, files or results. `free` contains the indices of the
-    settings that are variables of the program. `fixed` contains the indices of settings that must not change, and their values. If parts
-    depend on the variables, `exchange` returns numbers from the records of these parts, which are further variables of the program.
+    `program` computes the numbers, and `template` inserts them into a model, files or results. `free` contains the indices of the settings
+    that are variables of the program. `fixed` contains the indices and values of settings that must have these values. If parts depend on
+    the variables, `exchange` returns the numbers in the records of these parts, which are further variables of the program.
     """
 
     free: tuple[int, ...]
     fixed: tuple[tuple[int, float], ...]
     program: Program
-    made: Made
+    template: Template
     exchange: Exchange | None = None
     _uses: Iterator[int] = field(default_factory=partial(count, 1), init=False, repr=False, compare=False)
 
     def outputs(self, values: Sequence[float]) -> tuple[float, ...] | None:
-        """Compute the numbers for the object `made` from the values of all settings.
-
-        Return None if the plan does not apply to the given values.
-        """
+        """Compute the numbers for `template` from the values of all settings. Return None if the plan does not apply to these values."""
         try:
-            given = self.to_variables(values)
-            return None if given is None else self.program.run(*given)
+            variables = self.to_variables(values)
+            return None if variables is None else self.program.run(*variables)
         except (ArithmeticError, ValueError):
             return None
 
-    def prepare(self, many: Sequence[Sequence[float]]) -> None:
-        """Build the parts for several settings at the same time. Each element of `many` contains the values of all settings."""
-        if self.exchange is not None and many:
+    def prepare(self, rows: Sequence[Sequence[float]]) -> None:
+        """Build the parts for several sets of settings in parallel. Each row contains the values of all settings."""
+        if self.exchange is not None and rows:
             with suppress(ArithmeticError, ValueError):
-                self.exchange.prepare([values[at] for at in self.free] for values in many)
+                self.exchange.prepare([values[at] for at in self.free] for values in rows)
 
     def to_variables(self, values: Sequence[float]) -> tuple[float, ...] | None:
         """Convert the values of all settings to the values of the variables of `program`.
@@ -67,17 +64,17 @@ class NumericPlan(Generic[Made]):
         """
         if any(values[at] != value for at, value in self.fixed):
             return None
-        given = tuple(values[at] for at in self.free)
+        variables = tuple(values[at] for at in self.free)
         if self.exchange is None:
-            return given
-        exchanged = self.exchange.of(given)
-        return None if exchanged is None else (*given, *exchanged.numbers)
+            return variables
+        exchanged = self.exchange.of(variables)
+        return None if exchanged is None else (*variables, *exchanged.numbers)
 
     def columns(self, values: Floats) -> tuple[Floats, Booleans]:
-        """Compute the numbers for the object `made` for many settings at once.
+        """Compute the m numbers for `template` for k sets of settings at once, as an array `(k, m)`.
 
-        Each row of `values` `(k, n)` contains the values of all settings. Also return an array of flags that are True for the rows to which
-        the plan applies. This method requires that no parts depend on the settings.
+        Each row of `values` `(k, n)` contains the values of all settings. Also return an array of flags `(k,)` that are True for the rows
+        to which the plan applies. This method requires that no parts depend on the settings.
         """
         outputs, ok = self._columns(values[:, list(self.free)])
         for at, value in self.fixed:
@@ -106,70 +103,74 @@ class NumericPlan(Generic[Made]):
         return verify > 0 and (use % verify == 1 % verify or (self.exchange is not None and use in EXCHANGED))
 
 
-class PlanCache(Generic[Made]):
+class PlanCache(Generic[Template]):
     """Caches plans for settings that differ only in numbers.
 
-    All cached plans have the same names of numbers, and the same values of all other settings. `why` contains the reason for each number
-    that cannot be traced. For each traced number on which a part depends, `modelled` contains the part. `refused` is the reason why no plan
-    can be created for any of the settings. A plan is created when `patience` settings without a plan have occurred. `patience` is a power
-    of two.
+    The settings of all cached plans have the same names of numbers, and the same values of all other settings.
+
+    Attributes:
+        patience: The number of settings without a plan after which a plan is created, a power of two.
+        reasons: For each number that cannot be traced, the reason.
+        modelled: For each traced number on which a part depends, a message that names the part.
+        failure: The reason why no plan can be created, or None.
+        hits: The number of settings for which a plan was found.
     """
 
     def __init__(self, patience: int = 2) -> None:
         self.patience = patience
-        self.plans: list[NumericPlan[Made]] = []
-        self.why: dict[str, str] = {}
+        self.plans: list[NumericPlan[Template]] = []
+        self.reasons: dict[str, str] = {}
         self.modelled: dict[str, str] = {}
-        self.refused: str | None = None
-        self.missed = self.met = 0
+        self.failure: str | None = None
+        self.misses = self.hits = 0
         self._seen: dict[tuple[float, ...], int] = {}
 
-    def plan_for(self, read: ParsedSettings) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
+    def find(self, parsed: ParsedSettings) -> tuple[NumericPlan[Template], tuple[float, ...]] | None:
         """Return the plan that applies to the given settings, together with the numbers that the plan computes.
 
         Return None if no plan applies.
         """
         for number, plan in enumerate(self.plans):
-            outputs = plan.outputs(read.values)
+            outputs = plan.outputs(parsed.values)
             if outputs is not None:
-                self.met += 1
+                self.hits += 1
                 if number:
                     self.plans.insert(0, self.plans.pop(number))
                 return plan, outputs
         return None
 
-    def worth_it(self, read: ParsedSettings) -> bool:
-        """Return whether a plan should be created for these settings, to which no existing plan applies.
+    def should_create_plan(self, parsed: ParsedSettings) -> bool:
+        """Return whether to create a plan for these settings, to which no existing plan applies. Each call counts as a miss.
 
-        Creating a plan takes as long as several compilations. For settings that may occur only once, a plan is therefore not created.
-        Settings with numbers on which parts depend often occur only once.
+        Creating a plan takes as long as several compilations, so the settings must have occurred often enough. Numbers that cannot be
+        traced must have the same values in all of these settings.
         """
-        if self.refused is not None:
+        if self.failure is not None:
             return False
-        if not self.why:
-            self.missed, self.met = (self.patience, 0) if self.met >= PAYS else (self.missed + 1, self.met)
-            return self.missed >= self.patience and self.missed & (self.missed - 1) == 0
-        held = tuple(value for name, value in zip(read.names, read.values) if name in self.why)
+        if not self.reasons:
+            self.misses, self.hits = (self.patience, 0) if self.hits >= PAYS else (self.misses + 1, self.hits)
+            return self.misses >= self.patience and self.misses & (self.misses - 1) == 0
+        key = tuple(value for name, value in zip(parsed.names, parsed.values) if name in self.reasons)
         if len(self._seen) > 1000:
             self._seen.clear()
-        self._seen[held] = seen = self._seen.get(held, 0) + 1
-        return len(self.why) < len(read.names) and seen >= self.patience and seen & (seen - 1) == 0
+        self._seen[key] = occurrences = self._seen.get(key, 0) + 1
+        return len(self.reasons) < len(parsed.names) and occurrences >= self.patience and occurrences & (occurrences - 1) == 0
 
-    def add(self, plan: NumericPlan[Made]) -> None:
+    def add(self, plan: NumericPlan[Template]) -> None:
         """Add a plan to the cache. If the cache contains too many plans, drop the least recently used plan."""
         self.plans = [plan, *self.plans[: MOST - 1]]
 
     def give_up(self, names: Collection[str], why: str) -> None:
         """Stop tracing the numbers with these names, for the reason `why`. If `names` is empty, do not create any further plans."""
-        self.why.update((name, f"{self.modelled[name]}, and {why}" if name in self.modelled else why) for name in names)
+        self.reasons.update((name, f"{self.modelled[name]}, and {why}" if name in self.modelled else why) for name in names)
         if not names:
-            self.refused = why
+            self.failure = why
 
 
 class TracedResults:
-    """The results of a traced compilation, by name. `outputs` contains all results that are traced numbers.
+    """The results of a traced compilation, keyed by name. `outputs` contains all results that are traced numbers.
 
-    `problems` contains the diagnostics that are the same for all numbers.
+    `problems` contains the diagnostics of the compilation, which do not depend on the numbers.
     """
 
     def __init__(self, values: Mapping[str, Any], problems: tuple[Diagnostic, ...] = ()) -> None:

@@ -12,7 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from thingc.base.units import Quantity
-from thingc.batch.plans.numeric_plan import Made, NumericPlan, PlanCache
+from thingc.batch.plans.numeric_plan import NumericPlan, PlanCache, Template
 from thingc.batch.plans.part_exchange import Exchange
 from thingc.batch.plans.program import program_of
 from thingc.batch.plans.tape import Tape
@@ -26,7 +26,7 @@ from thingc.targets.artifact import StoredArtifact
 if TYPE_CHECKING:
     from thingc.batch.plans.refusals import Refusals
 
-Whole = TypeVar("Whole")
+Result = TypeVar("Result")
 
 FORMS = 256
 """Maximum number of caches, and maximum total number of plans in all caches. If this number is exceeded, all plans are dropped."""
@@ -39,19 +39,19 @@ If a number is at its bound, the sample in one of the two directions is valid.
 
 Make = Callable[[Compilation, Tape], Any]
 """A function that computes a model, files or results from a traced compilation."""
-Finish = Callable[[TraceResult, Exchange | None], tuple[Sequence[Any], Made]]
+Finish = Callable[[TraceResult, Exchange | None], tuple[Sequence[Any], Template]]
 """A function that returns the inputs that a plan computes, and the object that uses these inputs."""
 
 
-class PlanMaker(ABC, Generic[Made, Whole]):
-    """Creates plans for objects of the type `Whole` from traced compilations of the given modes (none: all modes).
+class PlanMaker(ABC, Generic[Template, Result]):
+    """Creates plans that compute objects of the type `Result`, from traced compilations of the given modes (none: all modes).
 
     A new plan is compared with compilations before its first use. Then, some uses of the plan are compared, too. If `verify` is a number n,
     these are the first use of each plan, and then one in n (0: none). If `verify` is None, these are the first, second, fourth, eighth and
     so on.
 
     Attributes:
-        wrong: A description of a difference between an object and a compilation.
+        wrong: The text for messages about a plan whose result differs from a compilation.
         exchanges_parts: Whether parts may depend on traced numbers.
         traces_failures: Whether the traced compilations fail.
     """
@@ -67,124 +67,129 @@ class PlanMaker(ABC, Generic[Made, Whole]):
         self.verify = verify
 
     @abstractmethod
-    def whole(self, read: ParsedSettings) -> Whole | None:
+    def run_passes(self, parsed: ParsedSettings) -> Result | None:
         """Compile the document with the given settings. Return None if the settings are refused."""
 
     @abstractmethod
-    def compute(self, plan: NumericPlan[Made], outputs: Any, read: ParsedSettings) -> Whole | None:
-        """Compute the object with a plan from its outputs. Return None, or raise `ValueError`, if the object would be invalid."""
+    def compute(self, plan: NumericPlan[Template], outputs: Any, parsed: ParsedSettings) -> Result | None:
+        """Insert the outputs of a plan into its template. Return None, or raise `ValueError`, if the resulting object is invalid."""
 
-    def difference(self, made: Whole, whole: Whole) -> str:
-        """Return a description of the difference between two objects, or an empty string if they are equal."""
-        return "" if made == whole else self.wrong
+    def difference(self, computed: Result, compiled: Result) -> str:
+        """Compare the object that a plan computed with the compiled object. Describe the difference, or return an empty string."""
+        return "" if computed == compiled else self.wrong
 
-    def assets(self, made: Any) -> Mapping[str, StoredArtifact]:
+    def assets(self, traced: Any) -> Mapping[str, StoredArtifact]:
         """Return the meshes in the result of a traced compilation."""
         return {}
 
     def new_plan(
-        self, read: ParsedSettings, form: PlanCache[Made], first: Whole, make: Make, finish: Finish[Made], *, applies: bool = True,
-    ) -> NumericPlan[Made] | None:
+        self, parsed: ParsedSettings, cache: PlanCache[Template], first: Result, make: Make, finish: Finish[Template], *,
+        applies: bool = True,
+    ) -> NumericPlan[Template] | None:
         """Create a plan for settings with the same names as these settings, and compare the plan with compilations.
 
-        If no plan can be created, store the reason in `form` and return None. `first` is the result of a compilation with these settings.
+        If no plan can be created, store the reason in `cache` and return None. `first` is the result of a compilation with these settings.
         The compilation is traced with numbers near the given numbers, because round numbers can be special cases. If the resulting plan
         does not apply to the settings, for example to integers, and `applies` is True, the compilation is traced with the numbers
         themselves.
         """
-        plan = self._traced_plan(read, form, make, finish, nearby=True)
-        if applies and plan is not None and plan.outputs(read.values) is None:
-            plan = self._traced_plan(read, form, make, finish, nearby=False)
+        plan = self._traced_plan(parsed, cache, make, finish, nearby=True)
+        if applies and plan is not None and plan.outputs(parsed.values) is None:
+            plan = self._traced_plan(parsed, cache, make, finish, nearby=False)
         if plan is None:
             return None
-        for sample in self._samples(read, form):
+        for sample in self._samples(parsed, cache):
             outputs = plan.outputs(sample.values)
-            whole = None if outputs is None else first if sample is read else self.whole(sample)
-            if whole is None:
+            compiled = None if outputs is None else first if sample is parsed else self.run_passes(sample)
+            if compiled is None:
                 continue
             try:
-                made = self.compute(plan, outputs, sample)
-                wrong = "" if made is None else self.difference(made, whole)
+                computed = self.compute(plan, outputs, sample)
+                difference = "" if computed is None else self.difference(computed, compiled)
             except ValueError as fault:
-                wrong = f"{self.wrong}: {' '.join(str(fault).split())}"
-            if wrong:
-                form.refused = f"a plan gave {wrong}"
+                difference = f"{self.wrong}: {' '.join(str(fault).split())}"
+            if difference:
+                cache.failure = f"a plan gave {difference}"
                 return None
         return plan
 
-    def confirms(self, made: Whole, whole: Whole | None, read: ParsedSettings, form: PlanCache[Made]) -> bool:
-        """Return whether a plan has given the same object as a compilation. Otherwise, stop using plans for such settings."""
-        wrong = self.wrong if whole is None else self.difference(made, whole)
-        if wrong:
-            form.plans, form.refused = [], f"a plan gave {wrong} for {dict(zip(read.names, read.values))}"
-        return not wrong
+    def confirms(self, computed: Result, compiled: Result | None, parsed: ParsedSettings, cache: PlanCache[Template]) -> bool:
+        """Return whether the object that a plan computed equals the compiled object.
+
+        Otherwise, drop the plans of `cache` and create no further plans. `compiled` is None if the compilation refused the settings.
+        """
+        difference = self.wrong if compiled is None else self.difference(computed, compiled)
+        if difference:
+            cache.plans, cache.failure = [], f"a plan gave {difference} for {dict(zip(parsed.names, parsed.values))}"
+        return not difference
 
     def _traced_plan(
-        self, read: ParsedSettings, form: PlanCache[Made], make: Make, finish: Finish[Made], *, nearby: bool,
-    ) -> NumericPlan[Made] | None:
-        while form.refused is None:
-            free = [name for name in read.names if name not in form.why]
+        self, parsed: ParsedSettings, cache: PlanCache[Template], make: Make, finish: Finish[Template], *, nearby: bool,
+    ) -> NumericPlan[Template] | None:
+        while cache.failure is None:
+            free = [name for name in parsed.names if name not in cache.reasons]
             if not free:
-                form.refused = "no number can be traced"
+                cache.failure = "no number can be traced"
                 break
-            rehearsal = self._rehearse(read, form, make, nearby=nearby)
-            if rehearsal is None:  # retry with fewer numbers
+            trace = self._trace(parsed, cache, make, nearby=nearby)
+            if trace is None:  # retry with fewer numbers
                 continue
             exchange: Exchange | None = None
-            if self.exchanges_parts and rehearsal.parts is not None:
-                exchange = Exchange(rehearsal.parts, self.session.environment.parts, self.assets(rehearsal.made))
+            if self.exchanges_parts and trace.parts is not None:
+                exchange = Exchange(trace.parts, self.session.environment.parts, self.assets(trace.result))
             try:
-                outputs, made = finish(rehearsal, exchange)
+                outputs, template = finish(trace, exchange)
             except NotTraceable as fault:
-                form.give_up(fault.names, fault.why)
+                cache.give_up(fault.names, fault.why)
                 continue
             return NumericPlan(
-                free=tuple(read.names.index(name) for name in free),
-                fixed=tuple((at, read.values[at]) for at, name in enumerate(read.names) if name in form.why),
-                program=program_of(rehearsal.tape, outputs), made=made, exchange=exchange,
+                free=tuple(parsed.names.index(name) for name in free),
+                fixed=tuple((at, parsed.values[at]) for at, name in enumerate(parsed.names) if name in cache.reasons),
+                program=program_of(trace.tape, outputs), template=template, exchange=exchange,
             )
         return None
 
-    def _samples(self, read: ParsedSettings, form: PlanCache[Any]) -> list[ParsedSettings]:
-        """Return settings at which a plan is compared with a compilation: the given settings, and nearby settings with the same parts."""
-        settings = [read]
+    def _samples(self, parsed: ParsedSettings, cache: PlanCache[Any]) -> list[ParsedSettings]:
+        """Return the settings for which a new plan is compared with compilations: the given ones, and nearby ones with the same parts."""
+        settings = [parsed]
+        same = cache.reasons.keys() | cache.modelled.keys()
         for side in SIDES:
             source = random.Random(0)
-            quantities = self.reader.quantities(read)
+            quantities = self.reader.quantities(parsed)
             values = [
-                read.values[at] if name in form.why or name in form.modelled else _nearby_quantity(quantities[name], source, side).value
-                for at, name in enumerate(read.names)
+                parsed.values[at] if name in same else _nearby_quantity(quantities[name], source, side).value
+                for at, name in enumerate(parsed.names)
             ]
-            settings.append(ParsedSettings(names=read.names, values=tuple(values), texts=read.texts))
+            settings.append(ParsedSettings(names=parsed.names, values=tuple(values), texts=parsed.texts))
         return list(dict.fromkeys(settings))
 
-    def _rehearse(self, read: ParsedSettings, form: PlanCache[Any], make: Make, *, nearby: bool) -> TraceResult | None:
-        """Trace a compilation with all settings that are numbers and can be traced.
+    def _trace(self, parsed: ParsedSettings, cache: PlanCache[Any], make: Make, *, nearby: bool) -> TraceResult | None:
+        """Trace a compilation in which all settings are variables that are numbers and can be traced.
 
-        If another attempt is necessary because `form` has changed, return None.
+        If the trace fails, record in `cache` which numbers cannot be traced, and return None. The caller then tries again.
         """
-        quantities = self.reader.quantities(read)
-        free = {name: quantities[name] for name in read.names if name not in form.why}
-        texts = {**{name: text_of(one) for name, one in quantities.items()}, **dict(read.texts)}  # ordered as in `SettingsReader`
-        exact = [name for name in free if name in form.modelled]
-        near = {name: one if name in exact or not nearby else _nearby_quantity(one, random.Random(name)) for name, one in free.items()}
+        quantities = self.reader.quantities(parsed)
+        free = {name: quantities[name] for name in parsed.names if name not in cache.reasons}
+        texts = {**{name: text_of(number) for name, number in quantities.items()}, **dict(parsed.texts)}  # ordered as in `SettingsReader`
+        exact = [name for name in free if name in cache.modelled]
+        varied = {name: free[name] if name in exact or not nearby else _nearby_quantity(free[name], random.Random(name)) for name in free}
         attempt = partial(self._attempt, make)
-        rehearsal, fault = attempt(near, texts, exact)
+        trace, fault = attempt(varied, texts, exact)
         if fault is not None:
-            rehearsal, other = attempt(free, texts, exact)
+            trace, other = attempt(free, texts, exact)
             fault = fault if other is not None and other.unused else other  # the document already has this value, so no pass asks for it
         if fault is not None:
-            named = [name for name in fault.names if name in free]
-            if fault.modelled and self.exchanges_parts and (new := [name for name in named if name not in exact]):
-                form.modelled.update(dict.fromkeys(new, fault.why))
+            culprits = [name for name in fault.names if name in free]
+            if fault.modelled and self.exchanges_parts and (new := [name for name in culprits if name not in exact]):
+                cache.modelled.update(dict.fromkeys(new, fault.why))
             else:
-                form.give_up(named or exact or _culprits(near, texts, attempt), fault.why)
+                cache.give_up(culprits or exact or _culprits(varied, texts, attempt), fault.why)
             return None
-        assert rehearsal is not None
-        if known := pinned_names(rehearsal):
-            form.give_up(known, "a pass needs the exact value")
+        assert trace is not None
+        if pinned := pinned_names(trace):
+            cache.give_up(pinned, "a pass needs the exact value")
             return None
-        return rehearsal
+        return trace
 
     def _attempt(
         self, make: Make, numbers: Mapping[str, Quantity], texts: Mapping[str, str], exact: Collection[str] = (),
@@ -201,11 +206,11 @@ class PlanMaker(ABC, Generic[Made, Whole]):
 
 
 def _culprits(numbers: Mapping[str, Quantity], texts: Mapping[str, str], attempt: Callable[..., tuple[Any, Any]]) -> list[str]:
-    """Return the names of all numbers that cannot be traced even if no other number is traced."""
+    """Return the names of the numbers that cannot be traced even if all other numbers are constant."""
     if len(numbers) == 1:
         return list(numbers)
-    alone = {name: {**texts, **{other: text_of(one) for other, one in numbers.items() if other != name}} for name in numbers}
-    return [name for name, others in alone.items() if attempt({name: numbers[name]}, others)[0] is None]
+    fixed_texts = {name: {**texts, **{other: text_of(number) for other, number in numbers.items() if other != name}} for name in numbers}
+    return [name for name, others in fixed_texts.items() if attempt({name: numbers[name]}, others)[0] is None]
 
 
 def _nearby_quantity(quantity: Quantity, source: random.Random, side: float = 1.0) -> Quantity:
@@ -217,11 +222,11 @@ def _nearby_quantity(quantity: Quantity, source: random.Random, side: float = 1.
     return Quantity(quantity.value * (1.0 + share) if quantity.value else abs(share), quantity.dimension)
 
 
-class Planner(PlanMaker[Made, Whole]):
-    """Computes an object of the type `Whole` for many settings, with plans or by compilations.
+class Planner(PlanMaker[Template, Result]):
+    """Computes an object of the type `Result` for many settings, with plans or by compilations.
 
-    A plan is created when `patience` settings with the same names have been compiled. No plan is created for settings that `refusals`
-    recognizes.
+    A plan is created when `patience` settings with the same names have been compiled, but not for settings that `refusals` recognizes as
+    invalid.
     """
 
     def __init__(
@@ -229,38 +234,38 @@ class Planner(PlanMaker[Made, Whole]):
     ) -> None:
         super().__init__(session, reader, modes, verify=verify)
         self.refusals = refusals
-        self.forms: dict[Hashable, PlanCache[Made]] = {}
+        self.caches: dict[Hashable, PlanCache[Template]] = {}
         self._patience = patience
 
     @abstractmethod
-    def plan(self, read: ParsedSettings, form: PlanCache[Made]) -> NumericPlan[Made] | None:
+    def plan(self, parsed: ParsedSettings, cache: PlanCache[Template]) -> NumericPlan[Template] | None:
         """Create a plan that gives the same objects as compilations.
 
-        If no plan can be created, store the reason in `form` and return None.
+        If no plan can be created, store the reason in `cache` and return None.
         """
 
-    def form_of(self, read: ParsedSettings) -> PlanCache[Made]:
+    def cache_for(self, parsed: ParsedSettings) -> PlanCache[Template]:
         """Return the cache of plans for settings with the same names of numbers and the same values of all other settings."""
-        key = (read.names, read.texts)
-        if key not in self.forms:
-            if len(self.forms) >= FORMS or sum(len(form.plans) for form in self.forms.values()) >= FORMS:
-                self.forms.clear()
-            self.forms[key] = PlanCache(self._patience)
-        return self.forms[key]
+        key = (parsed.names, parsed.texts)
+        if key not in self.caches:
+            if len(self.caches) >= FORMS or sum(len(cache.plans) for cache in self.caches.values()) >= FORMS:
+                self.caches.clear()
+            self.caches[key] = PlanCache(self._patience)
+        return self.caches[key]
 
-    def find_plan(self, read: ParsedSettings) -> tuple[NumericPlan[Made], tuple[float, ...]] | None:
+    def find_plan(self, parsed: ParsedSettings) -> tuple[NumericPlan[Template], tuple[float, ...]] | None:
         """Return the plan that applies to the settings, and the outputs of the plan. Return None if no plan applies.
 
         If no plan applies, and the settings are not known to be refused, create a plan if this is likely to save time.
         """
-        if read.report is not None or not read.names:
+        if parsed.report is not None or not parsed.names:
             return None
-        form = self.form_of(read)
-        known = form.plan_for(read)
-        if known is not None or self.refusals.applies(read) or not form.worth_it(read):
+        cache = self.cache_for(parsed)
+        known = cache.find(parsed)
+        if known is not None or self.refusals.applies(parsed) or not cache.should_create_plan(parsed):
             return known
-        plan = self.plan(read, form)
+        plan = self.plan(parsed, cache)
         if plan is None:
             return None
-        form.add(plan)
-        return form.plan_for(read)
+        cache.add(plan)
+        return cache.find(parsed)

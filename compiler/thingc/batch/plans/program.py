@@ -19,14 +19,14 @@ Run = Callable[..., "tuple[float, ...] | None"]
 """A function that maps values of the variables to values of the outputs. The function returns None if a guard fails."""
 
 
-def names(operations: Mapping[str, Callable[..., Any]] = {}) -> dict[str, Any]:
+def namespace(operations: Mapping[str, Callable[..., Any]] = {}) -> dict[str, Any]:
     """Return a mapping of the names that generated Python code can use: all registered operations, and the given `operations`."""
     return {"inf": numeric.inf, "nan": numeric.nan, "log": math.log, **numeric.OPERATIONS, **operations}
 
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """A statement of a program that computes the value with the index `target` from other values and constants."""
+    """A statement of a program that computes the value with the index `target` from constants and from values with other indices."""
 
     target: int
     operation: str
@@ -67,8 +67,8 @@ class Program:
         `ValueError`.
         """
         text = [f"def run({', '.join(f'v{index}' for index in self.variables)}):", *self.code]
-        text.append(f" return ({''.join(f'{word(one)}, ' for one in self.outputs)})")
-        run: Run = function("run", text, self.operations)
+        text.append(f" return ({''.join(f'{operand(output)}, ' for output in self.outputs)})")
+        run: Run = compile_function("run", text, self.operations)
         return run
 
     @property
@@ -78,18 +78,18 @@ class Program:
         The function returns None if a guard has a different outcome.
         """
         return [
-            f" v{one.target} = {expression(one.operation, one.arguments)}" if isinstance(one, Operation)
-            else f" if {'not ' * one.outcome}{expression(one.operation, one.arguments)}: return None"
-            for one in self.statements
+            f" v{statement.target} = {expression(statement.operation, statement.arguments)}" if isinstance(statement, Operation)
+            else f" if {'not ' * statement.outcome}{expression(statement.operation, statement.arguments)}: return None"
+            for statement in self.statements
         ]
 
     @cached_property
     def needed(self) -> frozenset[int]:
         """The indices of all computed values on which the outputs depend. The set does not include values that only guards use."""
-        needed = {int(one) for one in self.outputs if isinstance(one, Ref)}
-        for one in reversed(self.statements):
-            if isinstance(one, Operation) and one.target in needed:
-                needed.update(int(argument) for argument in one.arguments if isinstance(argument, Ref))
+        needed = {int(output) for output in self.outputs if isinstance(output, Ref)}
+        for statement in reversed(self.statements):
+            if isinstance(statement, Operation) and statement.target in needed:
+                needed.update(int(argument) for argument in statement.arguments if isinstance(argument, Ref))
         return frozenset(needed.difference(self.variables))
 
 
@@ -99,10 +99,10 @@ def program_of(tape: Tape, outputs: Sequence[Any]) -> Program:
     Numbers in `outputs` that are not traced become constants.
     """
     guards = list(dict.fromkeys((Guard(operation, arguments, outcome), at) for at, operation, arguments, outcome in tape.guards))
-    results = tuple(Ref(one.line) if isinstance(one, Traced) else Const(one) for one in outputs)
-    needed = lines_needed(tape, [*results, *(argument for one, _ in guards for argument in one.arguments)])
+    results = tuple(Ref(output.line) if isinstance(output, Traced) else Const(output) for output in outputs)
+    needed = lines_needed(tape, [*results, *(argument for guard, _ in guards for argument in guard.arguments)])
     statements: dict[Operation | Guard, None] = {}
-    waiting = sorted(guards, key=lambda one: -one[1])
+    waiting = sorted(guards, key=lambda guard: -guard[1])
     for index, (operation, arguments) in enumerate([*tape.lines, ("end", ())]):
         while waiting and waiting[-1][1] <= index:
             statements[waiting.pop()[0]] = None
@@ -112,24 +112,24 @@ def program_of(tape: Tape, outputs: Sequence[Any]) -> Program:
     return Program(variables, tuple(statements), results, dict(tape.operations))
 
 
-def function(name: str, lines: Sequence[str], operations: Mapping[str, Callable[..., Any]] = {}) -> Any:
-    """Compile generated Python source code, and return the function with the name `name` that the code defines.
+def compile_function(name: str, lines: Sequence[str], operations: Mapping[str, Callable[..., Any]] = {}) -> Any:
+    """Compile generated Python source code, and return the function `name` that the code defines.
 
-    The code can use all names that the function `names` returns.
+    The code can use all names that the function `namespace` returns.
     """
-    known = names(operations)
-    exec("\n".join(lines), known)
-    return known[name]
+    scope = namespace(operations)
+    exec("\n".join(lines), scope)
+    return scope[name]
 
 
 def expression(operation: str, arguments: Sequence[Argument]) -> str:
     """Format an operation and its arguments as a Python expression."""
-    words = [word(one) for one in arguments]
+    operands = [operand(argument) for argument in arguments]
     if operation in OPERATORS:
-        return f"-{words[0]}" if len(words) == 1 else f"({words[0]} {operation} {words[1]})"
+        return f"-{operands[0]}" if len(operands) == 1 else f"({operands[0]} {operation} {operands[1]})"
     if operation == "item":
-        return f"{words[0]}[{words[1]}]"
-    return f"{operation}({', '.join(words)})"
+        return f"{operands[0]}[{operands[1]}]"
+    return f"{operation}({', '.join(operands)})"
 
 
 def value_in(argument: Argument, values: Mapping[int, Any]) -> Any:
@@ -137,6 +137,6 @@ def value_in(argument: Argument, values: Mapping[int, Any]) -> Any:
     return values[int(argument)] if isinstance(argument, Ref) else argument.value
 
 
-def word(argument: Argument) -> str:
+def operand(argument: Argument) -> str:
     """Format an argument of an operation as a Python expression. The expression is either the name of a value or a constant."""
     return f"v{int(argument)}" if isinstance(argument, Ref) else f"({argument.text})"

@@ -52,77 +52,78 @@ class Refusals(PlanMaker["DiagnosticsTemplate", Diagnostics]):
         self.parts = 0
         self._last: tuple[ParsedSettings, Diagnostics | None] | None = None
 
-    def problems(self, read: ParsedSettings) -> Diagnostics | None:
+    def problems(self, parsed: ParsedSettings) -> Diagnostics | None:
         """Return the diagnostics of the given settings if a plan shows that they are refused.
 
         Return None if no plan applies to the settings. In this case, the settings can be valid or refused.
         """
-        if read.report is not None or not all(map(isfinite, read.values)):  # a compilation rejects such numbers earlier
+        if parsed.report is not None or not all(map(isfinite, parsed.values)):  # a compilation rejects such numbers earlier
             return None
-        if self._last is None or self._last[0] is not read:
-            self._last = read, self._problems(read)
+        if self._last is None or self._last[0] is not parsed:
+            self._last = parsed, self._problems(parsed)
         return self._last[1]
 
-    def applies(self, read: ParsedSettings) -> bool:
+    def applies(self, parsed: ParsedSettings) -> bool:
         """Return whether a plan shows that the given settings are refused."""
-        return self.problems(read) is not None
+        return self.problems(parsed) is not None
 
-    def learn(self, read: ParsedSettings, problems: Diagnostics) -> None:
+    def learn(self, parsed: ParsedSettings, problems: Diagnostics) -> None:
         """Record that a compilation of these settings has failed with the diagnostics `problems`.
 
         If several settings are refused for the same cause, a plan is created, unless the errors concern a single part.
         """
-        if not read.names or read.report is not None or any(one.code in PARTS and one.severity is Severity.ERROR for one in problems):
+        faulty_parts = any(problem.code in PARTS and problem.severity is Severity.ERROR for problem in problems)
+        if not parsed.names or parsed.report is not None or faulty_parts:
             return
-        key = (read.names, read.texts, _cause(problems))
-        form = self.causes.pop(key, None) or PlanCache(PATIENCE)
-        self.causes = dict([*self.causes.items(), (key, form)][-CAUSES:])
-        if form.worth_it(read) and (plan := self._plan(read, problems, form)) is not None:
-            form.add(plan)
+        key = (parsed.names, parsed.texts, _cause(problems))
+        cache = self.causes.pop(key, None) or PlanCache(PATIENCE)
+        self.causes = dict([*self.causes.items(), (key, cache)][-CAUSES:])
+        if cache.should_create_plan(parsed) and (plan := self._plan(parsed, problems, cache)) is not None:
+            cache.add(plan)
 
-    def _problems(self, read: ParsedSettings) -> Diagnostics | None:
-        for key, form in reversed(self.causes.items()):
-            if key[:2] != (read.names, read.texts) or (known := form.plan_for(read)) is None:
+    def _problems(self, parsed: ParsedSettings) -> Diagnostics | None:
+        for key, cache in reversed(self.causes.items()):
+            if key[:2] != (parsed.names, parsed.texts) or (known := cache.find(parsed)) is None:
                 continue
-            problems = self.compute(*known, read)
-            if known[0].is_due(self.verify) and not self.confirms(problems, self.whole(read), read, form):
+            problems = self.compute(*known, parsed)
+            if known[0].is_due(self.verify) and not self.confirms(problems, self.run_passes(parsed), parsed, cache):
                 return None
             self.causes[key] = self.causes.pop(key)
-            self.parts = known[0].made.parts
+            self.parts = known[0].template.parts
             return problems
         return None
 
-    def whole(self, read: ParsedSettings) -> Diagnostics:
+    def run_passes(self, parsed: ParsedSettings) -> Diagnostics:
         """Compile the document. Return the diagnostics of a refused compilation, or an empty tuple."""
-        report = self.session.compile(self.reader.settings(read), self.modes).report
+        report = self.session.compile(self.reader.settings(parsed), self.modes).report
         return tuple(report.sorted_diagnostics()) if report.failed else ()
 
-    def compute(self, plan: NumericPlan[DiagnosticsTemplate], outputs: Sequence[float], read: ParsedSettings) -> Diagnostics:
+    def compute(self, plan: NumericPlan[DiagnosticsTemplate], outputs: Sequence[float], parsed: ParsedSettings) -> Diagnostics:
         """Compute the diagnostics with a plan."""
-        return plan.made.diagnostics(outputs)
+        return plan.template.diagnostics(outputs)
 
     def _plan(
-        self, read: ParsedSettings, problems: Diagnostics, form: PlanCache[DiagnosticsTemplate],
+        self, parsed: ParsedSettings, problems: Diagnostics, cache: PlanCache[DiagnosticsTemplate],
     ) -> NumericPlan[DiagnosticsTemplate] | None:
         """Create a plan that gives the same diagnostics as a compilation.
 
-        If no plan can be created, store the reason in `form` and return None.
+        If no plan can be created, store the reason in `cache` and return None.
         """
-        if self.whole(read) != problems:  # MuJoCo or the writing of files has refused the settings
-            form.refused = "a compilation with these settings succeeds"
+        if self.run_passes(parsed) != problems:  # MuJoCo or the writing of files has refused the settings
+            cache.failure = "a compilation with these settings succeeds"
             return None
 
         def collect(compilation: Compilation, tape: Tape) -> tuple[Diagnostics, int]:
-            found = tuple(compilation.report.sorted_diagnostics())
-            if not compilation.report.failed or _cause(found) != _cause(problems):
+            problems_here = tuple(compilation.report.sorted_diagnostics())
+            if not compilation.report.failed or _cause(problems_here) != _cause(problems):
                 raise NotTraceable("other diagnostics are reported for other values")
-            return found, len(compilation.decisions)
+            return problems_here, len(compilation.decisions)
 
-        def finish(rehearsal: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], DiagnosticsTemplate]:
-            template = DiagnosticsTemplate(rehearsal)
+        def finish(trace: TraceResult, exchange: Exchange | None) -> tuple[Sequence[Any], DiagnosticsTemplate]:
+            template = DiagnosticsTemplate(trace)
             return template.numbers.outputs, template
 
-        return self.new_plan(read, form, problems, collect, finish)
+        return self.new_plan(parsed, cache, problems, collect, finish)
 
 
 class DiagnosticsTemplate:
@@ -132,41 +133,41 @@ class DiagnosticsTemplate:
     slots do not support.
     """
 
-    def __init__(self, rehearsal: TraceResult) -> None:
+    def __init__(self, trace: TraceResult) -> None:
         self._all: Diagnostics
-        self._all, self.parts = rehearsal.made
-        texts = [text for one in self._all for text in _texts(one)]
-        fixed = [text for one in self._all for text in (one.detail or "", *(edit.replacement for edit in one.fixes))]
-        plain = [*rehearsal.tape.quoted, *(rehearsal.parts.words if rehearsal.parts is not None else ())]
+        self._all, self.parts = trace.result
+        texts = [text for diagnostic in self._all for text in _texts(diagnostic)]
+        fixed = [text for diagnostic in self._all for text in (diagnostic.detail or "", *(edit.replacement for edit in diagnostic.fixes))]
+        plain = [*trace.tape.quoted, *(trace.parts.quotable_texts if trace.parts is not None else ())]
         self._templates = {text: TextTemplate(text) for text in texts if "⟦" in text}
         if any("⟦" in text for text in fixed) or any(CUT in text for text in self._templates):
             raise NotTraceable("a diagnostic contains text that the plan cannot compute")
-        if any(word in text for word in plain for text in (*texts, *fixed)):
+        if any(text_of_number in text for text_of_number in plain for text in (*texts, *fixed)):
             raise NotTraceable("a diagnostic contains a number")
-        self.numbers = NumberSlots(rehearsal.tape, [name for one in self._templates.values() for name in one.slots])
+        self.numbers = NumberSlots(trace.tape, [name for diagnostic in self._templates.values() for name in diagnostic.slots])
 
     def diagnostics(self, outputs: Sequence[float]) -> Diagnostics:
         """Insert the values of the numbers into the slots, and return the diagnostics.
 
         Duplicate diagnostics are omitted, as in a report.
         """
-        words = self.numbers.words(outputs)
-        texts = {text: template.fill(words) for text, template in self._templates.items()}
-        return tuple(dict.fromkeys(_fill(one, texts) for one in self._all)) if texts else self._all
+        numbers = self.numbers.format_values(outputs)
+        texts = {text: template.fill(numbers) for text, template in self._templates.items()}
+        return tuple(dict.fromkeys(_fill(diagnostic, texts) for diagnostic in self._all)) if texts else self._all
 
 
 def _cause(problems: Diagnostics) -> Hashable:
     return tuple((one.code, one.span, (one.path or "").partition("=")[0], *(note.span for note in one.notes)) for one in problems)
 
 
-def _texts(one: Diagnostic) -> list[str]:
-    return [one.message, one.path or "", one.help or "", *(note.message for note in one.notes)]
+def _texts(diagnostic: Diagnostic) -> list[str]:
+    return [diagnostic.message, diagnostic.path or "", diagnostic.help or "", *(note.message for note in diagnostic.notes)]
 
 
-def _fill(one: Diagnostic, texts: Mapping[str, str]) -> Diagnostic:
-    """Return a copy of a diagnostic in which words are inserted into the slots of all texts."""
-    if not any(text in texts for text in _texts(one)):
-        return one
-    notes = tuple(replace(note, message=texts.get(note.message, note.message)) for note in one.notes)
-    path, help = (None if text is None else texts.get(text, text) for text in (one.path, one.help))
-    return replace(one, message=texts.get(one.message, one.message), path=path, help=help, notes=notes)
+def _fill(diagnostic: Diagnostic, texts: Mapping[str, str]) -> Diagnostic:
+    """Return a copy of a diagnostic in which each text is replaced by its value in `texts`, if any."""
+    if not any(text in texts for text in _texts(diagnostic)):
+        return diagnostic
+    notes = tuple(replace(note, message=texts.get(note.message, note.message)) for note in diagnostic.notes)
+    path, help = (None if text is None else texts.get(text, text) for text in (diagnostic.path, diagnostic.help))
+    return replace(diagnostic, message=texts.get(diagnostic.message, diagnostic.message), path=path, help=help, notes=notes)

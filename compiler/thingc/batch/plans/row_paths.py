@@ -26,26 +26,27 @@ FEW = 8
 def compute_rows(
     function: Callable[[Sequence[Number]], tuple[T, Sequence[Number]] | None], rows: Floats,
 ) -> list[tuple[T, list[Any]] | None]:
-    """Return the results of a function for all rows `(k, n)`.
+    """Call a function of n numbers for all rows `(k, n)`, and return a list of k results.
 
-    The function returns a value that depends only on its decisions, and computed numbers. It returns None if its result would depend on
-    something that a tape does not contain, such as an exception. The result of a row is also None if too many rows differ in decisions.
+    The function returns a value that depends only on the outcomes of comparisons in the function, and a list of computed numbers. It
+    returns None if the result depends on something that a tape does not contain, such as an exception. The result of a row is also None
+    if the comparisons have too many different outcomes in the rows.
     """
-    found: list[tuple[T, list[Any]] | None] = [None] * len(rows)
-    left = np.arange(len(rows))
+    results: list[tuple[T, list[Any]] | None] = [None] * len(rows)
+    remaining = np.arange(len(rows))
     for _ in range(PATHS):
-        if len(left) < FEW:
+        if len(remaining) < FEW:
             break
         tape = Tape()
         try:
-            result = function([tape.variable(value) for value in rows[left[0]].tolist()])
+            result = function([tape.variable(value) for value in rows[remaining[0]].tolist()])
         except (TypeError, ValueError, ArithmeticError, AttributeError):  # it does not support traced numbers
             result = None
-        done = np.arange(len(left)) == 0
+        is_done = np.arange(len(remaining)) == 0
         if result is not None:
-            outputs, applies = column_function(program_of(tape, result[1]))(rows[left])
-            for place, numbers in zip(left[applies].tolist(), outputs[applies].tolist()):
-                found[place] = result[0], numbers
-            done |= applies
-        left = left[~done]
-    return found
+            outputs, applies = column_function(program_of(tape, result[1]))(rows[remaining])
+            for place, numbers in zip(remaining[applies].tolist(), outputs[applies].tolist()):
+                results[place] = result[0], numbers
+            is_done |= applies
+        remaining = remaining[~is_done]
+    return results

@@ -21,7 +21,7 @@ from thingc.model.robot.loop_solver import Loops, SolverState
 SEARCHES = ("close_pose", "closest_failure", "balance")
 """Names of search functions that are called through the memo, and that the tape repeats as single operations."""
 
-KEPT = 32
+CACHED = 32
 """Number of cached results per search. Results are cached because several plans are tried for the same numbers."""
 
 Numbers = Sequence[float]
@@ -42,10 +42,7 @@ class SearchMemo(Memo):
         self._tape = tape
 
     def __call__(self, place: Any, function: Callable[..., Any], *inputs: Any) -> Any:
-        """Return the result of a function call, from the cache if possible, as `Memo` does.
-
-        If the function is a search, the call is recorded on the tape.
-        """
+        """Return the cached or new result of a function call, as `Memo` does. Record the call of a search on the tape."""
         known = getattr(function, "__name__", "") in SEARCHES
         return super().__call__(place, partial(self._search, function) if known else function, *inputs)
 
@@ -54,84 +51,81 @@ class SearchMemo(Memo):
         loops, start = (*inputs, None)[:2]
         if isinstance(loops, Loops) and isinstance(start, SolverState):
             inputs = (loops.alone(start.q), *inputs[1:])
-        build = _builder(inputs, numbers)
+        build = _make_builder(inputs, numbers)
         if build is None:
             return function(*inputs)
-        plain = [one.value for one in numbers]
-        given = build(plain)
-        result = function(*given)
-        kept = _outside(given)
-        structure = _structure(result, kept, [])
+        plain = [number.value for number in numbers]
+        arguments = build(plain)
+        result = function(*arguments)
+        start_values = _unmoved_joints(arguments)
+        structure = _structure(result, start_values, [])
 
-        @lru_cache(KEPT)
+        @lru_cache(CACHED)
         def repeat(*values: float) -> tuple[float, ...]:
-            given, found = build(values), list[float]()
-            if _structure(function(*given), _outside(given), found) != structure:
+            arguments, floats = build(values), list[float]()
+            if _structure(function(*arguments), _unmoved_joints(arguments), floats) != structure:
                 raise ValueError("a search has a different result for these numbers")
-            return tuple(found)
+            return tuple(floats)
 
         name = f"search_{len(tape.operations)}"
         tape.operations[name] = repeat
-        whole = tape.apply(name, numbers, repeat(*plain))
-        tape.guards.append((len(tape.lines), "==", (Ref(whole.line), Ref(whole.line)), True))  # even if none of its numbers is used
-        items = [tape.apply("item", (whole, place), value) for place, value in enumerate(whole.value)]
-        return _with_numbers(result, kept, _outside(inputs), iter(items))
+        combined = tape.apply(name, numbers, repeat(*plain))
+        tape.guards.append((len(tape.lines), "==", (Ref(combined.line), Ref(combined.line)), True))  # even if none of its numbers is used
+        items = [tape.apply("item", (combined, place), value) for place, value in enumerate(combined.value)]
+        return _with_numbers(result, start_values, _unmoved_joints(inputs), iter(items))
 
 
-def _builder(value: Any, numbers: list[Traced]) -> Callable[[Numbers], Any] | None:
+def _make_builder(value: Any, numbers: list[Traced]) -> Callable[[Numbers], Any] | None:
     """Return a function that creates a copy of `value` with other numbers in place of the traced numbers.
 
     Return None if `value` does not contain traced numbers. The traced numbers in `value` are appended to `numbers`. The returned function
     has one argument, which contains a value for each traced number.
     """
     if isinstance(value, Traced):
-        place = next((place for place, one in enumerate(numbers) if one.line == value.line), len(numbers))
+        place = next((place for place, item in enumerate(numbers) if item.line == value.line), len(numbers))
         if place == len(numbers):
             numbers.append(value)
         return lambda values: values[place]
     if isinstance(value, Loops):
-        parts = _builder((value.bodies, value.closures, tuple(value.joints.values()), value.base), numbers)
+        parts = _make_builder((value.bodies, value.closures, tuple(value.joints.values()), value.base), numbers)
         return None if parts is None else lambda values: Loops(*parts(values))
     if isinstance(value, JointEdge):  # only values that affect loops, so that other values do not repeat the search
         value = replace(value, dynamics=Dynamics(), actuator=None, limit=replace(value.limit, effort=None, velocity=None))
     if isinstance(value, FrozenStruct):
-        fields = _builder({name: getattr(value, name) for name in value.__struct_fields__}, numbers)
+        fields = _make_builder({name: getattr(value, name) for name in value.__struct_fields__}, numbers)
         return None if fields is None else lambda values: replace(value, **fields(values))
     items = list(value.items() if isinstance(value, Mapping) else enumerate(value) if isinstance(value, (tuple, list)) else ())
-    changed = [(key, inner) for key, one in items if (inner := _builder(one, numbers)) is not None]
+    changed = [(key, inner) for key, item in items if (inner := _make_builder(item, numbers)) is not None]
     if not changed:
         return None
-    whole = dict(items)
+    unchanged = dict(items)
 
     def build(values: Numbers) -> Any:
-        made = {**whole, **{key: one(values) for key, one in changed}}
-        return made if isinstance(value, Mapping) else _like(value, made.values())
+        rebuilt = {**unchanged, **{key: item(values) for key, item in changed}}
+        return rebuilt if isinstance(value, Mapping) else _rebuild(value, rebuilt.values())
 
     return build
 
 
-def _like(value: Any, items: Iterable[Any]) -> Any:
+def _rebuild(value: Any, items: Iterable[Any]) -> Any:
     """Create a list, tuple or named tuple from other items, with the same type as `value`."""
     return getattr(type(value), "_make", type(value))(items)
 
 
-def _outside(inputs: Sequence[Any]) -> dict[str, Any]:
-    """Return a mapping from paths to start values for all joints that do not move any loop.
-
-    A search usually does not change these values.
-    """
+def _unmoved_joints(inputs: Sequence[Any]) -> dict[str, Any]:
+    """Return the start values of all joints that move no loop, keyed by path. A search usually does not change these values."""
     loops, start = (*inputs, None)[:2]
     return {path: start.q[path] for path in loops.outside} if isinstance(loops, Loops) and isinstance(start, SolverState) else {}
 
 
-def _is_kept(path: Any, value: Any, outside: Mapping[str, float]) -> bool:
+def _is_unchanged(path: Any, value: Any, outside: Mapping[str, float]) -> bool:
     return path in outside and repr(value) == repr(outside[path])
 
 
 def _structure(value: Any, outside: Mapping[str, float], numbers: list[float]) -> Any:
-    """Return the structure of the result of a search without floats, which can be compared with the structure of other results.
+    """Append the floats in the result of a search to `numbers`, and return the rest of the result in a form that can be compared.
 
-    The floats in the result are appended to `numbers`, except floats that equal a start value in `outside`.
+    A float that equals the start value with the same path in `outside` belongs to the structure, and is not appended.
     """
     if type(value) is float:
         numbers.append(value)
@@ -139,8 +133,8 @@ def _structure(value: Any, outside: Mapping[str, float], numbers: list[float]) -
     if isinstance(value, FrozenStruct):
         return type(value), _structure(tuple(getattr(value, name) for name in value.__struct_fields__), outside, numbers)
     if isinstance(value, Mapping):
-        return tuple((key, _is_kept(key, one, outside) or _structure(one, outside, numbers)) for key, one in value.items())
-    return tuple(_structure(one, outside, numbers) for one in value) if isinstance(value, tuple) else value
+        return tuple((key, _is_unchanged(key, item, outside) or _structure(item, outside, numbers)) for key, item in value.items())
+    return tuple(_structure(item, outside, numbers) for item in value) if isinstance(value, tuple) else value
 
 
 def _with_numbers(value: Any, outside: Mapping[str, float], traced: Mapping[str, Any], numbers: Iterator[Traced]) -> Any:
@@ -155,5 +149,5 @@ def _with_numbers(value: Any, outside: Mapping[str, float], traced: Mapping[str,
     if isinstance(value, FrozenStruct):
         return replace(value, **{name: change(getattr(value, name)) for name in value.__struct_fields__})
     if isinstance(value, Mapping):
-        return {key: traced[key] if _is_kept(key, one, outside) else change(one) for key, one in value.items()}
-    return _like(value, map(change, value)) if isinstance(value, tuple) else value
+        return {key: traced[key] if _is_unchanged(key, item, outside) else change(item) for key, item in value.items()}
+    return _rebuild(value, map(change, value)) if isinstance(value, tuple) else value

@@ -57,10 +57,10 @@ class Tape:
 
     def copy(self) -> Tape:
         """Return a copy of the tape with its lines, values and guards."""
-        made = Tape()
-        made.lines, made.values, made.guards = list(self.lines), list(self.values), list(self.guards)
-        made.operations = dict(self.operations)
-        return made
+        tape = Tape()
+        tape.lines, tape.values, tape.guards = list(self.lines), list(self.values), list(self.guards)
+        tape.operations = dict(self.operations)
+        return tape
 
     def apply(self, operation: str, arguments: Sequence[Number], value: Any) -> Traced:
         """Record an operation with the result `value`, and return the result as a traced number.
@@ -149,8 +149,8 @@ class Traced(Recorded):
     def __truediv__(self, other: Number) -> Any: return _binary("/", self, other)
     def __rtruediv__(self, other: Number) -> Any: return _binary("/", other, self)
     def __pow__(self, other: Number) -> Any:
-        whole = isinstance(other, (int, float)) and other == int(other)
-        if not whole and not self > 0.0:
+        is_integer = isinstance(other, (int, float)) and other == int(other)
+        if not is_integer and not self > 0.0:
             self.tape.pin(self)  # otherwise, the result may be complex
         return _binary("**", self, other)
 
@@ -228,13 +228,13 @@ def _items(result: Traced) -> Any:
     """Return the items of a traced result that is a tuple. The items are traced numbers in nested tuples with the same structure."""
     if not isinstance(result.value, tuple):
         return result
-    return tuple(_items(result.tape.apply("item", (result, place), one)) for place, one in enumerate(result.value))
+    return tuple(_items(result.tape.apply("item", (result, place), item)) for place, item in enumerate(result.value))
 
 
 def _binary(operation: str, left: Number, right: Number) -> Any:
     if not isinstance(left, (int, float, Traced)) or not isinstance(right, (int, float, Traced)):
         return NotImplemented
-    tape = next(one.tape for one in (left, right) if isinstance(one, Traced))
+    tape = next(number.tape for number in (left, right) if isinstance(number, Traced))
     return tape.apply(operation, (left, right), OPERATORS[operation](value_of(left), value_of(right)))
 
 
@@ -262,16 +262,16 @@ def variables_of(tape: Tape, number: Traced) -> list[int]:
     return [k for k, line in enumerate(variables) if line in needed]
 
 
-def lines_needed(tape: Tape, wanted: Sequence[Any]) -> set[int]:
+def lines_needed(tape: Tape, references: Sequence[Any]) -> set[int]:
     """Return the indices of all lines of the tape that are needed to compute the references in `wanted`.
 
     Constants in `wanted` are ignored.
     """
     needed: set[int] = set()
-    waiting = [int(one) for one in wanted if isinstance(one, Ref)]
+    waiting = [int(reference) for reference in references if isinstance(reference, Ref)]
     while waiting:
         line = waiting.pop()
         if line not in needed:
             needed.add(line)
-            waiting.extend(int(one) for one in tape.lines[line][1] if isinstance(one, Ref))
+            waiting.extend(int(reference) for reference in tape.lines[line][1] if isinstance(reference, Ref))
     return needed

@@ -10,24 +10,23 @@ from thingc.batch.plans.trace_compilation import NotTraceable
 
 
 class TextTemplate:
-    """A text that contains slots for words. `slots` contains the distinct names of the slots in the text."""
+    """A text with slots, which are replaced by other texts. `slots` contains the distinct names of the slots."""
 
     def __init__(self, text: str) -> None:
         self._pieces = SLOT.split(text)
         self.slots = list(dict.fromkeys(self._pieces[1::2]))
 
-    def fill(self, words: Mapping[str, str]) -> str:
-        """Return the text in which each slot is replaced by a word. `words` maps the names of slots to words."""
+    def fill(self, texts: Mapping[str, str]) -> str:
+        """Replace each slot by the text with the name of the slot in `texts`, and return the result."""
         pieces = self._pieces.copy()
-        pieces[1::2] = [words[name] for name in pieces[1::2]]
+        pieces[1::2] = [texts[name] for name in pieces[1::2]]
         return "".join(pieces)
 
 
 class NumberSlots:
-    """The slots for traced numbers in one or more texts.
+    """The slots for traced numbers in one or more texts. `names` contains the names of the slots, with duplicates.
 
-    `outputs` contains the traced numbers for the slots, in the order of `names`. Raises `NotTraceable` if a name in a text is not the name
-    of a slot for a number.
+    `outputs` contains the traced number for each distinct name. Raises `NotTraceable` if a name does not refer to a line of the tape.
     """
 
     def __init__(self, tape: Tape, names: Iterable[str]) -> None:
@@ -41,6 +40,6 @@ class NumberSlots:
             self.outputs.append(Traced(tape, int(line), tape.values[int(line)]))
             self._formatters.append(FORMATTERS.get(form, f"{{{form}}}".format))
 
-    def words(self, values: Sequence[float]) -> dict[str, str]:
-        """Format the value of each number in `outputs`. Return a mapping from slot names to formatted words."""
+    def format_values(self, values: Sequence[float]) -> dict[str, str]:
+        """Format the value of each number in `outputs`. Return a mapping from slot names to texts, as `TextTemplate.fill` requires."""
         return {name: write(value) for name, write, value in zip(self.names, self._formatters, values, strict=True)}

@@ -38,13 +38,13 @@ class NotTraceable(Exception):
 
 
 class TraceResult(FrozenStruct):
-    """The result of a traced compilation.
+    """A traced compilation.
 
-    `made` is the return value of the function `make`, and can contain traced numbers. `names` contains the names of the variables in order.
-    These variables are followed by variables for numbers in part records. `parts` is None if no part depends on traced numbers.
+    `result` is the return value of the function `make`, and can contain traced numbers. `names` contains the names of the first variables
+    of the tape. Further variables are numbers in part records. `parts` is None if no part depends on traced numbers.
     """
 
-    made: Any
+    result: Any
     tape: Tape
     names: tuple[str, ...]
     parts: TracedParts | None = None
@@ -67,13 +67,13 @@ def trace_compilation(
     environment = copy.copy(session.environment)
     environment.memo = SearchMemo(tape)
     environment.__dict__["parts"] = parts
-    traced = {name: Quantity(tape.variable(one.value), one.dimension) for name, one in numbers.items()}  # type: ignore[arg-type]
-    changed = {} if refused else {name: one for name, one in traced.items() if "." not in name}  # defaults need fewer plans
-    quantities = _Quantities({name: one for name, one in traced.items() if name not in changed})
-    given = {**texts, **{name: text_of(one) for name, one in (traced if refused else numbers).items()}}
+    traced = {name: Quantity(tape.variable(quantity.value), quantity.dimension) for name, quantity in numbers.items()}  # type: ignore[arg-type]
+    changed = {} if refused else {name: quantity for name, quantity in traced.items() if "." not in name}  # defaults need fewer plans
+    quantities = _Quantities({name: quantity for name, quantity in traced.items() if name not in changed})
+    texts_by_name = {**texts, **{name: text_of(quantity) for name, quantity in (traced if refused else numbers).items()}}
     settings = Settings(
-        parameters={name: text for name, text in given.items() if "." not in name and name not in changed},
-        choices={name: text for name, text in given.items() if "." in name}, quantities=quantities,
+        parameters={name: text for name, text in texts_by_name.items() if "." not in name and name not in changed},
+        choices={name: text for name, text in texts_by_name.items() if "." in name}, quantities=quantities,
     )
     sources = _with_parameters(session, changed)
     try:
@@ -82,7 +82,7 @@ def trace_compilation(
             raise NotTraceable("the number is not used", lost, unused=True)
         if not refused and compilation.report.failed:
             raise NotTraceable("the document has errors with other values")
-        made = make(compilation, tape)
+        result = make(compilation, tape)
     except PartDependsOnNumber as fault:
         why = f"the part `{fault.label}` depends on the number"
         raise NotTraceable(why, _names(tape, list(numbers), fault.number), modelled=True) from None
@@ -90,17 +90,17 @@ def trace_compilation(
         raise NotTraceable("a pass reads the mesh of a part that depends on the number") from None
     except (TypeError, ValueError, ArithmeticError, AttributeError) as fault:
         raise NotTraceable(f"a pass does not support a varying number ({type(fault).__name__}: {fault})") from fault
-    return TraceResult(made=made, tape=tape, names=tuple(numbers), parts=parts if parts.before is not None else None)
+    return TraceResult(result=result, tape=tape, names=tuple(numbers), parts=parts if parts.tape_before is not None else None)
 
 
-def pinned_names(rehearsal: TraceResult) -> list[str]:
-    """Return the names of all settings whose values a compiler pass has used directly.
+def pinned_names(trace: TraceResult) -> list[str]:
+    """Return the names of the settings whose values a compiler pass has converted to `int`, `float` or text.
 
-    The tape applies only to the current values of these settings.
+    The tape applies only to these values.
     """
     names: dict[str, None] = {}
-    for number in rehearsal.tape.pinned:
-        names.update(dict.fromkeys(_names(rehearsal.tape, rehearsal.names, number)))
+    for number in trace.tape.pinned:
+        names.update(dict.fromkeys(_names(trace.tape, trace.names, number)))
     return list(names)
 
 
@@ -126,15 +126,15 @@ class _Quantities(dict[str, Quantity]):
 
 def _with_parameters(session: Session, numbers: Mapping[str, Quantity]) -> Sources:
     """Return the documents in which the given numbers are the default values of parameters."""
-    own = session.sources
-    assert own is not None
-    relative = own.documents.root.relative
-    spec = own.specs[relative]
+    sources = session.sources
+    assert sources is not None
+    relative = sources.documents.root.relative
+    spec = sources.specs[relative]
     assert isinstance(spec, AssemblySpec)
     entries = dict(spec.parameters)
     for name, value in numbers.items():
         entry = entries[name]
         entries[name] = entry.model_copy(update={"value": value}) if isinstance(entry, ParameterSpec) else value
-    changed = Specs({**own.specs, relative: spec.model_copy(update={"parameters": entries})})
-    changed.doubts, changed.allowances = own.specs.doubts, own.specs.allowances
-    return replace(own, specs=changed)
+    changed = Specs({**sources.specs, relative: spec.model_copy(update={"parameters": entries})})
+    changed.doubts, changed.allowances = sources.specs.doubts, sources.specs.allowances
+    return replace(sources, specs=changed)
