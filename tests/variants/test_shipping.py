@@ -444,7 +444,7 @@ def test_driver_does_not_wait_for_an_ended_worker(beside: Apart) -> None:
     with DaskCluster(beside.dask.address) as cluster:
         worker = next(one for one in cluster._client.nthreads() if cluster.ask(one, os.getpid) == victim.pid)
         with pytest.raises(remote_workers.WorkerLost, match="no workspace"):
-            cluster.ask(worker, remote_workers.read_there, "nothing", [], 0)
+            cluster.ask(worker, remote_workers.read_shared_files, "nothing", [], 0)
         victim.kill()
         victim.wait()
         begun = time.monotonic()

@@ -62,7 +62,7 @@ class AxisParser:
         self.report = report
         self.paths = paths
         self.fits = fits
-        self.tried: dict[str, int] = {}
+        self.values_tried: dict[str, int] = {}
 
     def value(self, name: str, raw: Any, path: Path) -> ExpressionValue | None:
         """Check the value of the parameter or path `name`, and return the value.
@@ -75,30 +75,30 @@ class AxisParser:
                 help=f"write a value, or define a parameter with this expression in `{self.parameters.name}`",
             )
             return None
-        stated = as_value(raw)
-        assert stated is not None
+        checked = as_value(raw)
+        assert checked is not None
         if "." in name:
-            return self._by_path(name, stated, path)
+            return self._check_path_value(name, checked, path)
 
         def complain(name: str, code: Code, message: str, *, help: Hint | None = None, notes: Iterable[Note] = ()) -> None:
             key = code is Code.UNKNOWN_PARAMETER
             where = self._key(path) if key else path
             self.report.add(code, message, self.document.span(where, key=key), help=help, notes=notes, path=format_path(where))
 
-        value, own = self.parameters.check_value(name, stated, complain), self.parameters.values.get(name)
-        if isinstance(value, Quantity) and value.dimension == NUMBER and value.value == 0.0 and isinstance(own, Quantity):
-            return Quantity(0.0, own.dimension)  # 0 without a unit
+        value, document_value = self.parameters.check_value(name, checked, complain), self.parameters.values.get(name)
+        if isinstance(value, Quantity) and value.dimension == NUMBER and value.value == 0.0 and isinstance(document_value, Quantity):
+            return Quantity(0.0, document_value.dimension)  # 0 without a unit
         return value
 
-    def _by_path(self, name: str, value: ExpressionValue, path: Path) -> ExpressionValue | None:
+    def _check_path_value(self, name: str, value: ExpressionValue, path: Path) -> ExpressionValue | None:
         """Check the value of a path in the assembly document, and return the value. Return None for an invalid value.
 
         The first `MOST_TRIED` values of each path are checked by resolving the assembly with each value. Later values must only have the
         same type.
         """
-        tried = self.tried[name] = self.tried.get(name, 0) + 1
+        tried = self.values_tried[name] = self.values_tried.get(name, 0) + 1
         if tried <= MOST_TRIED and not self.fits(name, self._text_at(path) or text_of(value), path):
-            self.tried[name] = MOST_TRIED if tried == 1 else tried
+            self.values_tried[name] = MOST_TRIED if tried == 1 else tried
             return None
         kind = self.paths.kinds.get(name)
         sound = of_kind(value, kind)
@@ -119,34 +119,34 @@ class AxisParser:
             if not raw:
                 self._error(Code.VARIANT_VALUE, f"`{name}` has no values", path, help="write at least one value, or remove the key")
                 return None
-            listed = [self.value(name, one, (*path, index)) for index, one in enumerate(raw)]
-            sound = [one for one in listed if one is not None]
-            self._twice(path, listed)
+            listed = [self.value(name, value_or_none, (*path, index)) for index, value_or_none in enumerate(raw)]
+            sound = [value_or_none for value_or_none in listed if value_or_none is not None]
+            self._warn_of_duplicates(path, listed)
             first: dict[Value, ExpressionValue] = {}
             for value in sound:
                 first.setdefault(plain(value), value)
             return Axis(key=name, values=tuple(first.values())) if sound else None
         if isinstance(raw, AxisSpec):
-            values = self._steps(name, raw, path)
+            values = self._range_values(name, raw, path)
             return Axis(key=name, values=values) if values else None
-        one = self.value(name, raw, path)
-        return None if one is None else Axis(key=name, values=(one,))
+        value_or_none = self.value(name, raw, path)
+        return None if value_or_none is None else Axis(key=name, values=(value_or_none,))
 
-    def _twice(self, path: Path, values: list[ExpressionValue | None]) -> None:
+    def _warn_of_duplicates(self, path: Path, values: list[ExpressionValue | None]) -> None:
         first: dict[object, int] = {}
-        for index, one in enumerate(values):
-            if one is None:
+        for index, value in enumerate(values):
+            if value is None:
                 continue
-            key = (type(one), plain(one))
+            key = (type(value), plain(value))
             if key in first:
                 self.report.warn(
-                    Code.DUPLICATE_VARIANT, f"`{words_of(one)}` is listed twice, so thingc builds its variants only once",
+                    Code.DUPLICATE_VARIANT, f"`{words_of(value)}` is listed twice, so thingc builds its variants only once",
                     self.document.span((*path, index)), help="remove one of the two values", path=format_path(path),
                     notes=[Note(message="also listed here", span=self.document.span((*path, first[key])))],
                 )
             first.setdefault(key, index)
 
-    def _steps(self, name: str, raw: AxisSpec, path: Path) -> tuple[ExpressionValue, ...]:
+    def _range_values(self, name: str, raw: AxisSpec, path: Path) -> tuple[ExpressionValue, ...]:
         first, last = self.value(name, raw.from_, (*path, "from")), self.value(name, raw.to, (*path, "to"))
         count = self.count(raw.count, (*path, "count"), least=2)
         if first is None or last is None or count is None:
@@ -161,8 +161,8 @@ class AxisParser:
         if first.value == last.value:
             self._error(Code.VARIANT_VALUE, f"`from` and `to` of `{name}` are the same value", (*path, "to"), help="use different values")
             return ()
-        written = evenly_spaced(self._text_at((*path, "from")), self._text_at((*path, "to")), count)
-        return tuple(written if written is not None else spaced_si(first, last, count))
+        exact = evenly_spaced(self._text_at((*path, "from")), self._text_at((*path, "to")), count)
+        return tuple(exact if exact is not None else spaced_si(first, last, count))
 
     def range(self, name: str, raw: list[Any]) -> Axis | None:
         """Return the axis of a parameter whose values are sampled from a range.
@@ -170,14 +170,14 @@ class AxisParser:
         If the range is invalid, report an error and return None.
         """
         path: Path = ("sample", "ranges", name)
-        low, high = (self.value(name, one, (*path, index)) for index, one in enumerate(raw))
+        low, high = (self.value(name, end, (*path, index)) for index, end in enumerate(raw))
         if low is None or high is None:
             return None
-        for index, one in enumerate((low, high)):
-            if not isinstance(one, Quantity):
+        for index, end in enumerate((low, high)):
+            if not isinstance(end, Quantity):
                 self._error(
-                    Code.VARIANT_VALUE, f"the range of `{name}` needs two numbers, found {kind_of(one)}", (*path, index),
-                    help=f"list its values under `parameters` to draw from them: `{name}: [{shorten(words_of(one))}, ...]`",
+                    Code.VARIANT_VALUE, f"the range of `{name}` needs two numbers, found {kind_of(end)}", (*path, index),
+                    help=f"list its values under `parameters` to draw from them: `{name}: [{shorten(words_of(end))}, ...]`",
                 )
                 return None
         assert isinstance(low, Quantity) and isinstance(high, Quantity)

@@ -32,14 +32,14 @@ from thingc.batch.folder import (
     PACKED,
     BatchFault,
     are_unchanged,
-    begin,
     clear_in_background,
+    create_subfolders,
     differences,
-    in_words,
-    lay_out,
+    explain_os_error,
     lock_folder,
+    prepare_folder,
     read_description,
-    remember,
+    record_states,
     write_batch,
 )
 from thingc.batch.folder_layout import Journal, Line
@@ -129,7 +129,7 @@ def run(
                 warning = batch.show(pictures, on_picture)
             return summary if warning is None else replace(summary, notes=(*summary.notes, warning))
     except OSError as fault:
-        raise in_words(folder, fault) from fault
+        raise explain_os_error(folder, fault) from fault
 
 
 @dataclass(slots=True)
@@ -182,7 +182,7 @@ class _Batch:
     def prepare(self, *, resume: bool, retry: bool) -> None:
         """Create the folder of a new batch, or continue the batch in an existing folder. Raises `BatchFault` if the batch cannot start."""
         if not resume:
-            begin(self.folder, self.plan.relative, self.plan.assembly_relative)
+            prepare_folder(self.folder, self.plan.relative, self.plan.assembly_relative)
         else:
             self.previous = read_description(self.plan.relative, self.folder, ANEW)
             if self.plan.layout is None:
@@ -196,10 +196,10 @@ class _Batch:
             folder_layout.sweep(self.folder)
             self._read_earlier_results(retry=retry)
         write_batch(self.folder, self._description(finished=False))
-        lay_out(self.folder, self.layout)
+        create_subfolders(self.folder, self.layout)
 
     def _description(self, *, finished: bool, table_columns: Sequence[Column] = ()) -> dict[str, Any]:
-        return describe(self.plan, layout=self.layout, asked=self.count, finished=finished, wanted=table_columns)
+        return describe(self.plan, layout=self.layout, asked=self.count, finished=finished, table_columns=table_columns)
 
     def journal(self) -> Journal | PackedWriter:
         """Open the journal of the batch, in which a line is recorded for each finished variant."""
@@ -274,7 +274,7 @@ class _Batch:
         if not self.counts and self.previous.get("finished") and are_unchanged(self.folder, *names):
             return tuple(Column(name=column["name"], kind=column["kind"], unit=column["unit"]) for column in self.previous["columns"])
         written_columns = write_tables(self.folder, self.parameters, self.plan.choice_paths)
-        remember(self.folder, *names)
+        record_states(self.folder, *names)
         return written_columns
 
     def _shipping(self, cluster: Cluster | None) -> contextlib.AbstractContextManager[RemoteExecutor | None]:
@@ -329,7 +329,7 @@ class _Batch:
         """
         if all(self.done):
             return
-        for variant in self.plan.besides(self.done):
+        for variant in self.plan.unfinished_variants(self.done):
             if variant.index >= self.count:
                 return
             if variant.failed is not None:

@@ -18,7 +18,7 @@ from typing import Any
 from thingc.base.diagnostics import Code, shown_path
 from thingc.base.filesystem import hash_name, listing
 from thingc.batch import folder_layout
-from thingc.batch.folder import BatchFault, in_words, read_batch, whole
+from thingc.batch.folder import BatchFault, check_chunks, explain_os_error, read_batch
 from thingc.batch.folder_layout import Line
 from thingc.batch.packed_layout import Chunk, Chunks, is_packed, numbers
 from thingc.batch.planning import Plan
@@ -56,8 +56,8 @@ def outcomes(folder: str, chance: Callable[[Line], bool] | None = None) -> Itera
     """
     for chunk in _chunks(folder):
         for index, id, _, status in chunk.heads():
-            there = _is_there(folder, id) if status == "built" else chance is None or not chance(chunk.line(index))
-            yield index, status, there
+            is_final = _has_files(folder, id) if status == "built" else chance is None or not chance(chunk.line(index))
+            yield index, status, is_final
 
 
 def lengths_in(folder: str) -> list[str]:
@@ -72,9 +72,9 @@ def losses(folder: str) -> tuple[int, Counter[str]]:
         counts += chunk.losses()
     lossy, total = 0, Counter[str]()
     for text, count in counts.items():
-        each = json.loads(text or "null")
-        lossy += count if each else 0
-        total.update({how: number * count for how, number in (each or {}).items()})
+        counts_by_kind = json.loads(text or "null")
+        lossy += count if counts_by_kind else 0
+        total.update({kind: number * count for kind, number in (counts_by_kind or {}).items()})
     return lossy, total
 
 
@@ -84,7 +84,7 @@ def _chunks(folder: str) -> Iterator[Chunk]:
             yield chunk
 
 
-def _is_there(folder: str, id: str) -> bool:
+def _has_files(folder: str, id: str) -> bool:
     """Return whether the files of a built variant exist.
 
     The function checks only the manifest of the variant, because the manifest is written last.
@@ -109,7 +109,7 @@ class BuildRecords:
             with self._chunks.of(number) as chunk:
                 heads = chunk.heads()
             self.done.extend(index for index, *_ in heads)
-            self.built.extend(index for index, id, _, status in heads if status == "built" and _is_there(folder, id))
+            self.built.extend(index for index, id, _, status in heads if status == "built" and _has_files(folder, id))
             self._ids.extend(int(hash_name(id, 12), 16) for _, id, *_ in heads)
 
     def line(self, index: int) -> Line:
@@ -124,7 +124,7 @@ class BuildRecords:
                 return self.done[self._ids.index(int(key, 16))]
         number = re.search("[0-9]+$", key)
         index = int(number[0]) if number is not None else -1  # default names; documents can define other names
-        if _holds(self.done, index) and self.line(index)["name"] == key:
+        if _contains(self.done, index) and self.line(index)["name"] == key:
             return index
         return next((head[0] for chunk in _chunks(self.folder) for head in chunk.heads() if head[2] == key), None)
 
@@ -163,14 +163,14 @@ class _InFolder:
             return {}
         with os.scandir(place) as entries:
             states = {entry.name: (entry.stat(), entry.path) for entry in entries}
-        return {name: ((one.st_dev, one.st_ino, one.st_size, one.st_mtime_ns), path) for name, (one, path) in sorted(states.items())}
+        return {name: ((stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns), path) for name, (stat, path) in sorted(states.items())}
 
 
 class _InChunk:
     """Reads the files of a variant in a packed batch. The class has the same methods as `_InFolder`."""
 
-    def __init__(self, of: Chunks, index: int) -> None:
-        self.chunks = of
+    def __init__(self, chunks: Chunks, index: int) -> None:
+        self.chunks = chunks
         self.index = index
 
     def read(self, path: str) -> bytes:
@@ -184,8 +184,8 @@ class _InChunk:
 
     def models(self) -> list[str]:
         with self.chunks.holding(self.index) as chunk:
-            own = [path for path in chunk.paths if path.startswith("mjcf/") and chunk.cell(self.index, path) is not None]
-        return [path.removeprefix("mjcf/") for path in own]
+            paths = [path for path in chunk.paths if path.startswith("mjcf/") and chunk.cell(self.index, path) is not None]
+        return [path.removeprefix("mjcf/") for path in paths]
 
     def meshes(self) -> dict[str, tuple[File, str]]:
         with self.chunks.holding(self.index) as chunk:
@@ -214,36 +214,35 @@ def unpack(folder: str, index: int) -> str:
     return folder_layout.variant_folder(folder, id)
 
 
-def _holds(done: Sequence[int], index: int) -> bool:
-    """Return whether the sorted sequence `done` contains the number `index`."""
-    at = bisect_left(done, index)
-    return at < len(done) and done[at] == index
+def _contains(indices: Sequence[int], index: int) -> bool:
+    """Return whether the sorted sequence `indices` contains `index`."""
+    at = bisect_left(indices, index)
+    return at < len(indices) and indices[at] == index
 
 
-def find_variant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | None] | None:
-    """Return the variant of a plan with the id or name `wanted`, and the rule that it violates, if any.
+def find_variant(plan: Plan, key: str, folder: str) -> tuple[Variant, str | None] | None:
+    """Return the variant of a plan whose id or name is `key`, and the rule that it violates, if any.
 
-    Return None if the plan does not contain the variant. The id of a variant depends on how its settings differ from the assembly document,
-    and its default name contains its index. If a document has changed since the batch was built, the same id or name can therefore refer to
-    another variant. The function therefore searches for the settings that the batch in `folder` recorded for the id or name. Raises
-    `BatchFault` if no variant of the plan has these settings.
+    Return None if the plan does not contain the variant. If the batch in `folder` contains `key`, the function returns the variant with the
+    settings recorded there: after changes of the documents, the same id or name can refer to other settings, because the id depends on the
+    assembly document, and a default name on the order of variants. Raises `BatchFault` if no variant of the plan has these settings.
     """
-    line = _find_record(plan, wanted, folder)
+    line = _find_record(plan, key, folder)
     if line is None:
-        variant = next((one for one in plan if wanted in (one.id, one.name)), None)
+        variant = next((planned for planned in plan if key in (planned.id, planned.name)), None)
         return None if variant is None else (variant, variant.failed)
     for variant in plan:
         if (dict(variant.values), plan.choices_of(variant)) == (line["parameters"], line["choices"]):
             return variant, variant.failed or line.get("rule")
     raise BatchFault(
         Code.BATCH_CHANGED,
-        f"no variant of `{plan.relative}` has the settings of `{wanted}` in `{shown_path(folder)}` any more",
+        f"no variant of `{plan.relative}` has the settings of `{key}` in `{shown_path(folder)}` any more",
         "the documents have changed since that batch was built: build the batch again, and use an id from its table",
     )
 
 
-def _find_record(plan: Plan, wanted: str, folder: str) -> Line | None:
-    """Return the journal line of the variant with the id or name `wanted` in the batch in `folder`.
+def _find_record(plan: Plan, key: str, folder: str) -> Line | None:
+    """Return the journal line of the variant with the id or name `key` in the batch in `folder`.
 
     Return None if the folder contains a batch of another document.
     """
@@ -251,9 +250,9 @@ def _find_record(plan: Plan, wanted: str, folder: str) -> Line | None:
     if described is None or described.get("document") != plan.relative:
         return None
     try:
-        whole(folder, described)
-        done = BuildRecords(folder)
-        index = done.find(wanted)
-        return None if index is None else done.line(index)
+        check_chunks(folder, described)
+        records = BuildRecords(folder)
+        index = records.find(key)
+        return None if index is None else records.line(index)
     except OSError as fault:
-        raise in_words(folder, fault) from fault
+        raise explain_os_error(folder, fault) from fault

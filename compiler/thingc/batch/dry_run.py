@@ -68,41 +68,41 @@ def forecast(plan: Plan, options: Options, limit: int | None = None) -> DryRun:
 
     If there are more than `MOST` variants, only a random sample is resolved.
     """
-    foreseen, sample = DryRun(), DryRun()
+    result, sample_result = DryRun(), DryRun()
     count = plan.count if limit is None else min(limit, plan.count)
-    drawn = range(count) if count <= MOST else frozenset(random.Random(0).sample(range(count), MOST))
+    sampled_indices = range(count) if count <= MOST else frozenset(random.Random(0).sample(range(count), MOST))
     with Resolving(plan.assembly, options) as session:
         assert session.sources is not None  # the plan was created from these sources
-        resolution = Resolution(session, SettingsReader(session.sources, kinds=plan.paths.kinds), drawn)
-        variants, resolved = tee(_satisfying(islice(plan, count), foreseen))
-        for variant, one in zip(variants, resolution.each(map(resolution.item, resolved), tests=False)):
-            wrong = next((problem for problem in one.problems if problem.severity is Severity.ERROR), None)
-            if not one.results and wrong is None:
+        resolution = Resolution(session, SettingsReader(session.sources, kinds=plan.paths.kinds), sampled_indices)
+        variants, resolved = tee(_satisfying(islice(plan, count), result))
+        for variant, evaluated in zip(variants, resolution.each(map(resolution.item, resolved), tests=False)):
+            error = next((problem for problem in evaluated.problems if problem.severity is Severity.ERROR), None)
+            if not evaluated.results and error is None:
                 continue
-            for tally in (foreseen, sample) if variant.index in drawn else (foreseen,):
+            for tally in (result, sample_result) if variant.index in sampled_indices else (result,):
                 tally.looked_at += 1
-                if wrong is not None:
-                    code = wrong.code.code
+                if error is not None:
+                    code = error.code.code
                     tally.unsound[code] = tally.unsound.get(code, 0) + 1
                     if code not in tally.examples:
-                        tally.examples[code] = _example(session, variant, wrong)
-        if foreseen.looked_at < foreseen.left:  # otherwise, errors would be rare, because plans apply to valid settings more often
-            foreseen.looked_at, foreseen.unsound, foreseen.examples = sample.looked_at, sample.unsound, sample.examples
-        foreseen.parts = len(resolution.parts)
-        foreseen.known = sum(session.environment.geometry.in_store(part) for part in resolution.parts.values())
-    return foreseen
+                        tally.examples[code] = _example(session, variant, error)
+        if result.looked_at < result.left:  # otherwise, errors would be rare, because plans apply to valid settings more often
+            result.looked_at, result.unsound, result.examples = sample_result.looked_at, sample_result.unsound, sample_result.examples
+        result.parts = len(resolution.parts)
+        result.known = sum(session.environment.geometry.in_store(part) for part in resolution.parts.values())
+    return result
 
 
-def _satisfying(variants: Iterable[Variant], foreseen: DryRun) -> Iterator[Variant]:
-    """Yield the variants that satisfy all rules on parameters, and update the counts in `foreseen`."""
+def _satisfying(variants: Iterable[Variant], result: DryRun) -> Iterator[Variant]:
+    """Yield the variants that satisfy all rules on parameters, and update the counts in `result`."""
     for variant in variants:
-        foreseen.count += 1
-        if len(foreseen.first) < SHOWN:
-            foreseen.first.append(variant)
+        result.count += 1
+        if len(result.first) < SHOWN:
+            result.first.append(variant)
         if variant.failed is None:
             yield variant
         else:
-            foreseen.failing[variant.failed] = foreseen.failing.get(variant.failed, 0) + 1
+            result.failing[variant.failed] = result.failing.get(variant.failed, 0) + 1
 
 
 class Resolving(Session):
@@ -127,10 +127,10 @@ class Resolution(Evaluation):
     variants whose index is in `drawn` are resolved. All other settings then give no results.
     """
 
-    def __init__(self, session: Session, reader: SettingsReader, drawn: Container[int]) -> None:
+    def __init__(self, session: Session, reader: SettingsReader, sampled_indices: Container[int]) -> None:
         super().__init__(session, reader, "", None, Refusals(session, reader, (), verify=None), verify=None, judged=False)
         self.parts: dict[str, PartDefinition] = {}
-        self._drawn = drawn
+        self._sampled_indices = sampled_indices
         self._required: set[ParsedSettings] = set()
         self._resolved = 0
 
@@ -138,7 +138,7 @@ class Resolution(Evaluation):
         """Convert a variant to a pair of settings and parsed settings, as the method `each` requires."""
         settings = {**variant.parameters, **variant.choices}
         parsed = self.reader.read(settings)
-        if variant.index in self._drawn:
+        if variant.index in self._sampled_indices:
             self._required.add(parsed)
         return settings, parsed
 
@@ -156,7 +156,7 @@ class Resolution(Evaluation):
         return super()._evaluate_by_passes(settings, parsed, tests)
 
 
-def _example(session: Session, variant: Variant, wrong: Diagnostic) -> tuple[str, Diagnostic]:
-    """Return the name of a variant and its error. Numbers in the error are in the units of the documents."""
+def _example(session: Session, variant: Variant, error: Diagnostic) -> tuple[str, Diagnostic]:
+    """Compile a variant without plans, and return its name and its error, in which numbers have the units of the documents."""
     report = session.compile(Settings(parameters=variant.parameters, choices=variant.choices)).report
-    return variant.name, next((one for one in report.sorted_diagnostics() if one.code is wrong.code), wrong)
+    return variant.name, next((diagnostic for diagnostic in report.sorted_diagnostics() if diagnostic.code is error.code), error)

@@ -79,12 +79,12 @@ class Runners:
             others, self._idle = self._idle, []
         for runner in others:  # runners of a finished batch
             runner.close()
-        said = ""
+        output = ""
         for _ in range(STARTS):
             try:
                 runner = RunnerProcess(job)
             except OSError as fault:
-                said = f"cannot start a process: {fault.strerror or fault}"
+                output = f"cannot start a process: {fault.strerror or fault}"
                 continue
             with self._lock:
                 self._busy.add(runner)
@@ -94,13 +94,13 @@ class Runners:
                 runner.answer(LOADING)  # this waits until the runner has read the documents
                 return runner
             except ProcessLost as fault:
-                said = f"{fault.words}\n{runner.errors()}"
+                output = f"{fault.words}\n{runner.errors()}"
                 self.drop(runner)
             except BaseException:
                 self.drop(runner)
                 raise
         self.raise_if_cancelled()
-        raise RunnersBroken(f"cannot start a process for variants: {said.splitlines()[0]}", said)
+        raise RunnersBroken(f"cannot start a process for variants: {output.splitlines()[0]}", output)
 
     def give_back(self, runner: RunnerProcess) -> None:
         """Return a runner process after use, so that another call can reuse the process."""
@@ -153,30 +153,30 @@ def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow |
     """
     pool = runners if runners is not None else RUNNERS
     rows: list[Row] = []
-    left = list(tasks)
+    remaining = list(tasks)
 
     def take(answer: Row) -> None:
         rows.append(answer)
         if on_row is not None:
             on_row(answer)
 
-    while left:
+    while remaining:
         runner = pool.take(job)
         try:
-            runner.ask([asdict(task) for task in left])
-            while left:
+            runner.ask([asdict(task) for task in remaining])
+            while remaining:
                 answer = runner.answer(timeout)
                 answer["pid"] = runner.pid
                 take(answer)
-                left.pop(0)
+                remaining.pop(0)
                 if answer["status"] == STOPPED:
                     pool.drop(runner)
                     return rows
         except ProcessLost as fault:
             pool.raise_if_cancelled()
             code = Code.VARIANT_HUNG if fault.hung else Code.VARIANT_DIED
-            what = f"the process of the variant {'was terminated' if fault.hung else 'crashed'}: {fault.words}"
-            take(row(left.pop(0), "failed", code=code.code, message=what, detail=runner.errors(), pid=runner.pid))
+            message = f"the process of the variant {'was terminated' if fault.hung else 'crashed'}: {fault.words}"
+            take(row(remaining.pop(0), "failed", code=code.code, message=message, detail=runner.errors(), pid=runner.pid))
             pool.drop(runner)
         except BaseException:  # the state of the runner is unknown, so the runner is not reused
             pool.drop(runner)

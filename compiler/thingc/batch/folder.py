@@ -88,13 +88,13 @@ def read_description(document: str, folder: str, hint: str) -> dict[str, Any]:
 
     Raises `BatchFault` with the help text `hint` if the folder does not contain a batch of `document`.
     """
-    before = read_batch(folder)
-    if before is None or before.get("document") != document:
+    described = read_batch(folder)
+    if described is None or described.get("document") != document:
         raise BatchFault(Code.NO_BATCH, f"there is no batch of `{document}` in `{shown_path(folder)}`", hint)
-    return before
+    return described
 
 
-def whole(folder: str, described: Mapping[str, Any]) -> None:
+def check_chunks(folder: str, described: Mapping[str, Any]) -> None:
     """Raise `MissingChunk` if a file of a packed batch is missing. `described` is the content of the file `batch.json` of this batch."""
     if described["layout"] == PACKED:
         complete(folder, described.get("asked", 0) if described["finished"] else 0)
@@ -112,12 +112,12 @@ def _write(path: str, text: str) -> None:
     os.replace(f"{path}.new", path)
 
 
-def remember(folder: str, *names: str) -> None:
+def record_states(folder: str, *names: str) -> None:
     """Record the current states of files that users can edit, so that the next batch can detect whether they have been edited."""
     _note(folder, {name: state_of(os.path.join(folder, name)) for name in names})
 
 
-def forget(folder: str, name: str) -> None:
+def clear_state(folder: str, name: str) -> None:
     """Delete the recorded state of a file before the file is written again."""
     _note(folder, {name: None})
 
@@ -150,7 +150,7 @@ def _find_edited(folder: str) -> list[str]:
     return [name for name in mine if name in known and state_of(os.path.join(folder, name)) not in (known[name], None, NOTHING)]
 
 
-def begin(folder: str, document: str, assembly: str) -> None:
+def prepare_folder(folder: str, document: str, assembly: str) -> None:
     """Prepare the folder for a new batch of `document`.
 
     If the folder contains a finished batch of this document, the files of this batch are moved aside. The context manager
@@ -164,28 +164,28 @@ def begin(folder: str, document: str, assembly: str) -> None:
             "move the file, or use another folder with -o",
         )
     elif os.listdir(folder):
-        before = read_batch(folder)
-        if before is not None and before.get("document") != document:
+        described = read_batch(folder)
+        if described is not None and described.get("document") != document:
             raise BatchFault(
-                Code.UNEXPECTED, f"`{shown_path(folder)}` contains the batch of another document, `{before.get('document')}`; "
+                Code.UNEXPECTED, f"`{shown_path(folder)}` contains the batch of another document, `{described.get('document')}`; "
                 "nothing was written", "move the existing files, or use another folder with -o",
             )
         unexpected = sorted([*unexpected_files(folder, assembly), *_find_edited(folder)])
-        if before is None or unexpected:
+        if described is None or unexpected:
             raise BatchFault(
                 Code.UNEXPECTED,
                 f"`{shown_path(folder)}` contains files that no batch of `{document}` wrote, or that have changed since the batch; "
                 f"nothing was written: {quote_names(unexpected, 8)}", "move these files, or use another folder with -o",
             )
-        if not before.get("finished"):
+        if not described.get("finished"):
             raise BatchFault(
                 Code.BATCH_UNFINISHED, f"`{shown_path(folder)}` contains an unfinished batch",
                 "continue with --resume, or delete the folder to start again",
             )
-        _set_aside(folder, before)
+        _set_aside(folder, described)
 
 
-def lay_out(folder: str, layout: str) -> None:
+def create_subfolders(folder: str, layout: str) -> None:
     """Create the subfolders that a batch with this layout requires.
 
     The file `batch.json` must already exist, so that an interrupted run can be resumed.
@@ -194,12 +194,12 @@ def lay_out(folder: str, layout: str) -> None:
         os.makedirs(os.path.join(folder, inner), exist_ok=True)
 
 
-def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
+def _set_aside(folder: str, described: Mapping[str, Any]) -> None:
     """Rename the files of a finished batch, so that they can be deleted later.
 
     If the renaming is interrupted, the old batch is treated as unfinished and can be resumed.
     """
-    write_batch(folder, {**{key: value for key, value in before.items() if key != "thingc"}, "finished": False})
+    write_batch(folder, {**{key: value for key, value in described.items() if key != "thingc"}, "finished": False})
     for name in (folder_layout.JOURNAL, folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET, folder_layout.PAGE):
         with contextlib.suppress(FileNotFoundError):
             os.unlink(os.path.join(folder, name))
@@ -257,34 +257,31 @@ def unexpected_files(folder: str, assembly: str) -> list[str]:
             if not pattern.fullmatch(name):
                 paths.append(path)
             elif inner == folder_layout.VARIANTS:
-                paths.extend(f"{path}/{one}" for one in unexpected_in_build(os.path.join(folder, path), assembly, known=known).names)
+                paths.extend(f"{path}/{file}" for file in unexpected_in_build(os.path.join(folder, path), assembly, known=known).names)
     return sorted(paths)
 
 
-def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Compare the content of `batch.json` before a run with its content now.
-
-    Return the reasons why the batch cannot be resumed, or an empty list.
-    """
-    words: list[str] = []
-    if before["layout"] != now["layout"]:
-        words.append(f"its layout is `{before['layout']}`, not `{now['layout']}`")
-    if before.get("plan") != now["plan"]:
-        words.append("the settings, rules, modes or targets of the variants differ")
-    if changed := _differing_names(before.get("inputs"), now["inputs"]):
-        words.append(f"{quote_names(changed, 4)} changed")
-    if versions := _differing_names(before.get("versions"), now["versions"]):
-        words.append("the installed versions differ: " + ", ".join(f"`{name}`" for name in versions))
-    return words
+def differences(previous: Mapping[str, Any], current: Mapping[str, Any]) -> list[str]:
+    """Compare the content `previous` of `batch.json` with the new content `current`. Return the reasons against resuming the batch."""
+    reasons: list[str] = []
+    if previous["layout"] != current["layout"]:
+        reasons.append(f"its layout is `{previous['layout']}`, not `{current['layout']}`")
+    if previous.get("plan") != current["plan"]:
+        reasons.append("the settings, rules, modes or targets of the variants differ")
+    if changed := _differing_names(previous.get("inputs"), current["inputs"]):
+        reasons.append(f"{quote_names(changed, 4)} changed")
+    if versions := _differing_names(previous.get("versions"), current["versions"]):
+        reasons.append("the installed versions differ: " + ", ".join(f"`{name}`" for name in versions))
+    return reasons
 
 
-def _differing_names(before: Any, now: Mapping[str, Any]) -> list[str]:
+def _differing_names(previous: Any, current: Mapping[str, Any]) -> list[str]:
     """Return the sorted names that have different values in two mappings."""
-    old = before if isinstance(before, dict) else {}
-    return sorted(name for name in {*old, *now} if old.get(name) != now.get(name))
+    old = previous if isinstance(previous, dict) else {}
+    return sorted(name for name in {*old, *current} if old.get(name) != current.get(name))
 
 
-def in_words(folder: str, fault: OSError) -> BatchFault:
+def explain_os_error(folder: str, fault: OSError) -> BatchFault:
     """Convert an error of the operating system to a `BatchFault` that explains why the folder of a batch cannot be read or written."""
     if isinstance(fault, DamagedChunk):
         return BatchFault(Code.BATCH_CHANGED, fault.words, fault.cure)

@@ -67,9 +67,9 @@ def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blo
     fresh = os.path.join(folder, VARIANTS, f"{NEW}{id}-{_OWN_END}")
     os.mkdir(fresh)
     try:
-        made = {""}
+        created = {""}
         for path, content in files.items():
-            _make(fresh, path.rpartition("/")[0], made)
+            _make_subfolder(fresh, path.rpartition("/")[0], created)
             target = f"{fresh}/{path}"
             if isinstance(content, StoredArtifact):
                 _share(folder, content.sha256, store, target)
@@ -126,15 +126,15 @@ def asset_path(folder: str, sha256: str) -> str:
     return os.path.join(folder, ASSETS, hash_name(sha256))
 
 
-def _make(fresh: str, folder: str, made: set[str]) -> None:
+def _make_subfolder(fresh: str, folder: str, created: set[str]) -> None:
     """Create the subfolder `folder` of the new folder `fresh`, unless this function has created the subfolder before.
 
-    `made` contains the paths of subfolders that have been created.
+    `created` contains the paths of subfolders that have been created.
     """
-    if folder not in made:
-        _make(fresh, folder.rpartition("/")[0], made)
+    if folder not in created:
+        _make_subfolder(fresh, folder.rpartition("/")[0], created)
         os.mkdir(f"{fresh}/{folder}")
-        made.add(folder)
+        created.add(folder)
 
 
 def _share(folder: str, sha256: str, store: Blobs, target: str) -> None:
@@ -201,9 +201,9 @@ class Journal:
         data = json_text(json.dumps(line, separators=(",", ":"), ensure_ascii=False)).encode() + b"\n"
         size = os.fstat(self._descriptor).st_size
         try:
-            done = os.write(self._descriptor, data)
-            while done < len(data):
-                done += os.write(self._descriptor, data[done:])
+            written = os.write(self._descriptor, data)
+            while written < len(data):
+                written += os.write(self._descriptor, data[written:])
         except OSError:
             os.ftruncate(self._descriptor, size)
             raise

@@ -88,11 +88,11 @@ def refusal(fault: OSError) -> str:
     return f"`{fault.filename}`: {reason}" if fault.filename is not None else reason
 
 
-def describe(plan: Plan, *, layout: str, asked: int, finished: bool, wanted: Sequence[Column] = ()) -> dict[str, Any]:
+def describe(plan: Plan, *, layout: str, asked: int, finished: bool, table_columns: Sequence[Column] = ()) -> dict[str, Any]:
     """Return the content of the file `batch.json`, which describes a batch.
 
-    `asked` is the number of variants to build, counted from the first variant of the plan. `wanted` contains the columns of the table of a
-    finished batch.
+    `asked` is the number of variants to build, counted from the first variant of the plan. `table_columns` contains the columns of the
+    table of a finished batch.
     """
     return {
         "name": plan.name, "document": plan.relative, "sha256": plan.sha256, "assembly": plan.assembly_relative,
@@ -100,7 +100,7 @@ def describe(plan: Plan, *, layout: str, asked: int, finished: bool, wanted: Seq
         "versions": dict(versions()),
         "emit": list(plan.emit), "modes": list(plan.modes), "pose": plan.pose,
         "reach": list(plan.reach) if plan.reach is not None else None, "finished": finished,
-        "columns": [{"name": one.name, "kind": one.kind, "unit": one.unit} for one in wanted],
+        "columns": [{"name": column.name, "kind": column.kind, "unit": column.unit} for column in table_columns],
     }
 
 
@@ -128,8 +128,8 @@ def job_of(plan: Plan, folder: str, options: Options, *, layout: str, verify: in
         modes=plan.chosen_modes, results_mode=plan.modes[0], pose=plan.pose, reach=plan.reach,
         rules=tuple(rule.text for rule in rules), rule_names=tuple(dict(rule.names) for rule in rules),
         dimensions={
-            name: (_exponent(one.length), _exponent(one.mass), _exponent(one.time), _exponent(one.angle))
-            for name, one in plan.dimensions.items()
+            name: (_exponent(dimension.length), _exponent(dimension.mass), _exponent(dimension.time), _exponent(dimension.angle))
+            for name, dimension in plan.dimensions.items()
         },
         emit=plan.emit, verify=verify, packed=layout == PACKED,
     )

@@ -74,10 +74,10 @@ def measure(
     or to single coordinates of mounts.
     """
     assembly = robot.assembly
-    whole = total(link.properties.seen_from(assembly.rest[link.frame]) for link in assembly.links)
-    results: Results = {"mass": whole.mass}
-    results.update({f"centre.{axis}": value for axis, value in zip("xyz", whole.centre)})
-    i = whole.inertia
+    robot_inertia = total(link.properties.seen_from(assembly.rest[link.frame]) for link in assembly.links)
+    results: Results = {"mass": robot_inertia.mass}
+    results.update({f"centre.{axis}": value for axis, value in zip("xyz", robot_inertia.centre)})
+    i = robot_inertia.inertia
     results.update({
         "inertia.xx": i[0][0], "inertia.yy": i[1][1], "inertia.zz": i[2][2],
         "inertia.xy": i[0][1], "inertia.xz": i[0][2], "inertia.yz": i[1][2],
@@ -103,8 +103,8 @@ def measure(
         position = (occurrences[occurrence] @ _frame(assembly, occurrence, mount)).translation
         results.update({f"{name}.{axis}": value for axis, value in zip("xyz", position)})
     if torques and not robot.closures and not lifted_feet(stance(robot, q, bodies).feet):
-        held = static_efforts(robot, q, bodies, memo)
-        results[TORQUES] = held.least_margin if held.fall is None else None
+        efforts = static_efforts(robot, q, bodies, memo)
+        results[TORQUES] = efforts.least_margin if efforts.fall is None else None
     return results
 
 
@@ -118,17 +118,18 @@ def measure_tests(request: EmitRequest, names: Collection[str]) -> Results:
 
     report = request.report
     reported = len(report.diagnostics)
-    done = run(request, Selection(only=tuple(names)))
+    outcomes = run(request, Selection(only=tuple(names)))
     del report.diagnostics[reported:]  # a failed test is not an error here
     results: Results = {}
-    for one in done:
-        alike = [other for other in done if other.name == one.name]
-        differing = [getattr(one, key) for key in ("mode", "pose") if len({getattr(other, key) for other in alike}) > 1]
-        keys = TESTED[one.kind]
+    for result in outcomes:
+        same_name = [other for other in outcomes if other.name == result.name]
+        differing = [getattr(result, key) for key in ("mode", "pose") if len({getattr(other, key) for other in same_name}) > 1]
+        keys = TESTED[result.kind]
         for key in keys:
-            value, words = one.outcome.measured.get(key), [TEST + one.name, *map(str, differing), *([key] if len(keys) > 1 else [])]
+            value = result.outcome.measured.get(key)
+            name_parts = [TEST + result.name, *map(str, differing), *([key] if len(keys) > 1 else [])]
             entries = zip("xyz", value) if isinstance(value, list) else [("", value)]
-            results.update((".".join((*words, *axis)), entry) for axis, entry in entries)  # type: ignore[misc]
+            results.update((".".join((*name_parts, *axis)), entry) for axis, entry in entries)  # type: ignore[misc]
     return results
 
 
@@ -138,13 +139,13 @@ def _pose_robot(robot: Robot, pose: str | None) -> tuple[dict[str, float], tuple
     Return None if the closed loops of the robot cannot be closed.
     """
     name = pose if pose is not None else robot.mode.pose
-    frame = next((one for one in robot.keyframes if one.name == name), None)
+    frame = next((known for known in robot.keyframes if known.name == name), None)
     base = robot.bodies[0].X_PL
     if frame is not None:
         return frame.q, placed_bodies(robot.bodies, frame.q, frame.base or base)
     if robot.closures:
         return None
-    named = next((one for one in robot.assembly.poses if one.name == name), None)
+    named = next((known for known in robot.assembly.poses if known.name == name), None)
     q = coordinates(joints_of(robot.assembly), named.values if named is not None else {})
     return q, placed_bodies(robot.bodies, q, base)
 
@@ -159,12 +160,12 @@ def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
     placed = {assembly.link_of[mate.child]: mate for mate in assembly.mates if mate.joints and mate.loop is None}
     distances: Results = {}
     for mate in assembly.mates:
-        before = placed.get(assembly.link_of[mate.parent])
-        if mate.name is None or mate.keep or before is None or before is mate:
+        previous = placed.get(assembly.link_of[mate.parent])
+        if mate.name is None or mate.keep or previous is None or previous is mate:
             continue
-        here = within[mate.parent].apply(mate.X_PJ.translation)
-        there = within[before.child].apply(before.X_JC.inverse().translation)
-        distances[f"length.{mate.name.replace('/', '.')}"] = dist(here, there)
+        start = within[mate.parent].apply(mate.X_PJ.translation)
+        previous_end = within[previous.child].apply(previous.X_JC.inverse().translation)
+        distances[f"length.{mate.name.replace('/', '.')}"] = dist(start, previous_end)
     return distances
 
 
@@ -190,17 +191,17 @@ def _mount(assembly: Assembly, text: str) -> tuple[int, str]:
 
     Raises `UnknownMount` if the mount does not exist.
     """
-    words = text.split(".")
-    path = "/".join(words)
+    names = text.split(".")
+    path = "/".join(names)
     for exported in assembly.exported:
         if exported.path == path:
             return exported.occurrence, exported.mount
-    owner = "/".join(words[:-1])
+    owner = "/".join(names[:-1])
     for occurrence in assembly.occurrences:
-        if occurrence.path == owner and words[-1] in occurrence.mounts:
-            return occurrence.index, words[-1]
-    known = [one.path.replace("/", ".") for one in assembly.exported]
-    known += [f"{one.path}.{mount}".replace("/", ".") for one in assembly.occurrences for mount in one.mounts if one.path == owner]
+        if occurrence.path == owner and names[-1] in occurrence.mounts:
+            return occurrence.index, names[-1]
+    known = [item.path.replace("/", ".") for item in assembly.exported]
+    known += [f"{item.path}.{mount}".replace("/", ".") for item in assembly.occurrences for mount in item.mounts if item.path == owner]
     raise UnknownMount(f"there is no mount `{text}`", did_you_mean(text, known, what="mounts"))
 
 

@@ -23,19 +23,18 @@ class MountedFiles:
         self._files: mujoco.MjVfs | None = None
         self._known: dict[str, Hashable] = {}
 
-    def mount(self, wanted: Mapping[str, Hashable], read: Callable[[str], bytes]) -> mujoco.MjVfs:
-        """Return the file system with exactly the given files.
+    def mount(self, identities: Mapping[str, Hashable], read: Callable[[str], bytes]) -> mujoco.MjVfs:
+        """Return the file system with exactly the files in `identities`, which maps file names to values that are equal for equal files.
 
-        `wanted` maps file names to identities, which are equal for equal files. `read` returns the content of a file by its name. Files
-        that are already in the file system are not read.
+        `read` returns the content of a file by its name. Files that are already in the file system are not read.
         """
         import mujoco
 
         if self._files is None:
             self._files = mujoco.MjVfs()
-        for name in [name for name, identity in self._known.items() if wanted.get(name) != identity]:
+        for name in [name for name, identity in self._known.items() if identities.get(name) != identity]:
             del self._files[name], self._known[name]
-        for name, identity in wanted.items():
+        for name, identity in identities.items():
             if name not in self._known:
                 self._files[name] = read(name)
                 self._known[name] = identity
@@ -71,9 +70,9 @@ class MeshFiles:
     @contextmanager
     def mount(self, files: Mapping[str, tuple[File, str]]) -> Iterator[mujoco.MjVfs]:
         """Yield a virtual file system of MuJoCo that contains the given mesh files. Only one thread at a time can use this file system."""
-        own = {name: file for name, (file, _) in files.items()}  # by identity: each variant has links to the same files in its own folder
+        identities = {name: file for name, (file, _) in files.items()}  # each variant has links to the same files
         with self._lock:
-            yield self._mounted.mount(own, lambda name: _read(files[name][1]))
+            yield self._mounted.mount(identities, lambda name: _read(files[name][1]))
 
 
 def _read(path: str) -> bytes:

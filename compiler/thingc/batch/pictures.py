@@ -54,16 +54,16 @@ def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
     if not axes:
         return [k * len(settings) // most for k in range(most)]
     shares = [min(most // len(axes) + (number < most % len(axes)), len(set(axis))) for number, axis in enumerate(axes)]
-    left = dict.fromkeys(range(len(settings)))
+    remaining = dict.fromkeys(range(len(settings)))
     for axis, share in zip(axes, shares, strict=True):
-        aside = [sum_of((other[k] - 0.5) ** 2 for other in axes if other is not axis) for k in range(len(settings))]
+        distances = [sum_of((other[k] - 0.5) ** 2 for other in axes if other is not axis) for k in range(len(settings))]
         for step in range(share):
             target = step / (share - 1) if share > 1 else 0.5
-            del left[min(left, key=lambda k: (aside[k] + (axis[k] - target) ** 2, k))]
-    rest, wanting = list(left), most - sum(shares)
-    for k in range(wanting):
-        del left[rest[k * len(rest) // wanting]]
-    return [k for k in range(len(settings)) if k not in left]
+            del remaining[min(remaining, key=lambda k: (distances[k] + (axis[k] - target) ** 2, k))]
+    others, missing = list(remaining), most - sum(shares)
+    for k in range(missing):
+        del remaining[others[k * len(others) // missing]]
+    return [k for k in range(len(settings)) if k not in remaining]
 
 
 def _ranks(values: Sequence[Any]) -> tuple[float, ...]:
@@ -82,7 +82,7 @@ def _model(files: VariantFiles, mode: str) -> str | None:
     return models[0] if models else None
 
 
-def _laid_out(folder: str, mode: str, most: int, scratch: str) -> list[tuple[str, str]]:
+def _choose_models(folder: str, mode: str, most: int, scratch: str) -> list[tuple[str, str]]:
     """Choose at most `most` built variants for pictures, and return the id and the path of the model of each variant.
 
     The function `along_the_axes` makes the choice from the settings of the variants. Variants without a model in the mode are omitted. The
@@ -117,7 +117,7 @@ def draw(
     """
     place = os.path.join(folder, folder_layout.PICTURES)
     with tempfile.TemporaryDirectory(prefix="thingc-pictures-") as scratch:
-        return _draw(place, pose, _laid_out(folder, mode, most, scratch) if most != 0 else (), jobs, on_picture)
+        return _draw(place, pose, _choose_models(folder, mode, most, scratch) if most != 0 else (), jobs, on_picture)
 
 
 def _draw(place: str, pose: str | None, shots: Sequence[tuple[str, str]], jobs: int, on_picture: OnPicture | None) -> Diagnostic | None:
@@ -170,7 +170,7 @@ def _draw_variant(
         process.ask({
             "draw": [[path, os.path.join(place, f"{id}.png")] for id, path in part], "points": points, "gravity": gravity, "pose": pose,
         })
-    done = count - sum(map(len, visible))
+    finished = count - sum(map(len, visible))
     for part, process in zip(visible, processes, strict=True):
         for _ in part:
             try:
@@ -179,20 +179,20 @@ def _draw_variant(
                 return _lost(process, fault)
             if "fault" in answer:
                 return _error(answer["fault"], answer["hint"])
-            done += 1
+            finished += 1
             if on_picture is not None:
-                on_picture(done, count)
+                on_picture(finished, count)
     return None
 
 
 def _lost(process: JsonLinesProcess, fault: ProcessLost) -> Diagnostic:
     """Return a warning that the rendering process has ended unexpectedly. The warning contains the last line of output of the process."""
-    said = process.errors().strip().splitlines()
-    return _error(f"the rendering process failed: {fault.words}", said[-1] if said else "")
+    lines = process.errors().strip().splitlines()
+    return _error(f"the rendering process failed: {fault.words}", lines[-1] if lines else "")
 
 
-def _error(words: str, hint: str) -> Diagnostic:
+def _error(message: str, hint: str) -> Diagnostic:
     return Diagnostic(
-        code=Code.NO_GRAPHICS, severity=Severity.WARNING, message=f"pictures are missing on the page of the batch: {words}",
+        code=Code.NO_GRAPHICS, severity=Severity.WARNING, message=f"pictures are missing on the page of the batch: {message}",
         help=" ".join(hint.split()) or None,
     )

@@ -142,9 +142,9 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
     notes: tuple[Diagnostic, ...] = ()
 
     def __iter__(self) -> Iterator[Variant]:
-        return self.besides(b"")
+        return self.unfinished_variants(b"")
 
-    def besides(self, done: Sequence[int]) -> Iterator[Variant]:
+    def unfinished_variants(self, done: Sequence[int]) -> Iterator[Variant]:
         """Yield all variants that are not finished. `done` contains a flag for each index that is true for a finished variant.
 
         Skipping finished variants needs almost no computation.

@@ -25,7 +25,7 @@ from thingc.base.one_line_repr import OneLineRepr, format_count
 from thingc.base.suggestions import Hint, did_you_mean
 from thingc.batch import folder_layout
 from thingc.batch.build_records import BuildRecords, File, VariantFiles, unpack
-from thingc.batch.folder import read_batch, whole
+from thingc.batch.folder import check_chunks, read_batch
 from thingc.batch.folder_layout import Line
 from thingc.batch.mesh_files import MeshFiles
 from thingc.batch.mujoco_arrays.text_models import ModelText, TextModels
@@ -386,7 +386,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
         batches = [name for name in listing(path) if read_batch(os.path.join(path, name))]
         hint = f"; it contains the batches: {', '.join(f'`{name}`' for name in batches)}" if batches else ""
         raise FamilyError(f"`{shown_path(path)}` is not the folder of a batch{hint}", "run `thingc batch` to create one")
-    whole(path, described)
+    check_chunks(path, described)
     records = BuildRecords(path)
     robot = json.loads(records.files(records.built[0]).read(MANIFEST))["name"] if records.built else ""
     family = BatchResults(path, described, mode, robot, records, MeshFiles())

@@ -60,7 +60,7 @@ class Rule(FrozenStruct):
         return evaluate(self.expression, values) is True
 
 
-def unkept(
+def violations(
     rules: Iterable[Rule], parameters: Mapping[str, ExpressionValue], results: Mapping[str, float | None], mode: str,
 ) -> Iterator[tuple[Rule, Diagnostic | None]]:
     """Yield the violated rules, each with None, and the rules that cannot be evaluated, each with its error.
@@ -68,18 +68,18 @@ def unkept(
     `results` contains the results of the variant in the mode `mode`.
     """
     for rule in rules:
-        wrong = None
+        error = None
         try:
             if rule.holds(parameters, results):
                 continue
         except KeyError as fault:
-            wrong = Diagnostic(
+            error = Diagnostic(
                 code=Code.RESULT, severity=Severity.ERROR, message=f"`{rule.text}`: there is no `{fault.args[0]}` in mode `{mode}`",
                 help="choose another mode or pose for the results, or remove the rule",
             )
         except ExpressionError as fault:
-            wrong = Diagnostic(code=Code.RULE, severity=Severity.ERROR, message=f"`{rule.text}`: {fault.message}", help=text_of(fault.help))
-        yield rule, wrong
+            error = Diagnostic(code=Code.RULE, severity=Severity.ERROR, message=f"`{rule.text}`: {fault.message}", help=text_of(fault.help))
+        yield rule, error
 
 
 def dimension_of(result: str) -> Dimension:
@@ -87,20 +87,20 @@ def dimension_of(result: str) -> Dimension:
     return RESULTS.get(result, LENGTH)
 
 
-def meaning(name: str, parameters: Iterable[str], lengths: Iterable[str]) -> str | None:
+def result_of_name(name: str, parameters: Iterable[str], lengths: Iterable[str]) -> str | None:
     """Return the name of the result to which a name in a rule refers, or None for the name of a parameter.
 
     Raises `KeyError` for an unknown name, and `ValueError` for an ambiguous name.
     """
     known = {*RESULTS, *(LENGTHS + joint for joint in lengths)}
-    own = set(parameters)
-    if name.startswith(PARAMETERS) and name.removeprefix(PARAMETERS) in own:
+    parameter_names = set(parameters)
+    if name.startswith(PARAMETERS) and name.removeprefix(PARAMETERS) in parameter_names:
         return None
     if name.startswith(OF_RESULTS) and name.removeprefix(OF_RESULTS) in known:
         return name.removeprefix(OF_RESULTS)
-    if name in own and name in known:
+    if name in parameter_names and name in known:
         raise ValueError(name)
-    if name in own:
+    if name in parameter_names:
         return None
     if name in known:
         return name
@@ -121,11 +121,11 @@ def read_rules(
     for index, expression in enumerate(expressions):
         path: Path = ("keep", index)
         names: dict[str, str | None] = {}
-        sound = True
+        valid = True
         for use in expression.names:
             help: Hint | None = None
             try:
-                result = meaning(use.name, parameters, lengths)
+                result = result_of_name(use.name, parameters, lengths)
                 if result != "reach" or reach:
                     names[use.name] = result
                     continue
@@ -139,15 +139,15 @@ def read_rules(
                 message = f"`{use.name}` is both a parameter and a result"
                 help = f"write `{PARAMETERS}{use.name}` or `{OF_RESULTS}{use.name}`"
             _report(report, document, path, message, use.offset, use.end, help)
-            sound = False
+            valid = False
         rule = Rule(text=expression.text, expression=expression, names=names)
-        if sound and _of_one_dimension(report, document, path, rule, parameters):
+        if valid and _dimensions_agree(report, document, path, rule, parameters):
             rules.append(rule)
     return rules
 
 
-def _of_one_dimension(report: Report, document: Document, path: Path, rule: Rule, parameters: Mapping[str, ExpressionValue]) -> bool:
-    """Return True if the physical dimensions in a rule are consistent. If the physical dimensions are not consistent, report an error.
+def _dimensions_agree(report: Report, document: Document, path: Path, rule: Rule, parameters: Mapping[str, ExpressionValue]) -> bool:
+    """Return whether the physical dimensions in a rule are consistent. If not, report an error.
 
     To check the dimensions, the rule is evaluated with the parameters of the assembly, and with the value 1 for each result.
     """

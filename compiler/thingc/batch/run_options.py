@@ -42,12 +42,12 @@ def at_least(least: int, **numbers: Any) -> None:
             raise FamilyError(f"expected `{name}` to be a whole number of at least {least}, found {value}")
 
 
-def as_names(**given: Any) -> tuple[str, ...]:
+def as_names(**argument_value: Any) -> tuple[str, ...]:
     """Convert the value of an argument to a tuple of names. The value is a single name, or an iterable of names.
 
     Raises `FamilyError` for any other value. The error message contains the name of the argument.
     """
-    ((argument, names),) = given.items()
+    ((argument, names),) = argument_value.items()
     if isinstance(names, str):
         return (names,)
     if not isinstance(names, Iterable):
@@ -94,10 +94,10 @@ def check_engine(executor: Executor | None, ship: bool) -> None:
 
 def chosen_targets(emit: Sequence[str] | str) -> tuple[str, ...]:
     """Convert the option `emit` to the names of targets, in the order of a build. Raises `BatchFault` for an unknown target."""
-    words = tuple(map(str, emit)) if isinstance(emit, Iterable) and not isinstance(emit, str) else (str(emit),)
-    for _, message, hint in unknown(words):
+    names = tuple(map(str, emit)) if isinstance(emit, Iterable) and not isinstance(emit, str) else (str(emit),)
+    for _, message, hint in unknown(names):
         raise BatchFault(Code.COMMAND_LINE, message, hint)
-    return parse_targets(words) if words else ()
+    return parse_targets(names) if names else ()
 
 
 def read_plan(document: str, options: Options, emit: Sequence[str] | str, layout: str | None) -> Plan:

@@ -28,7 +28,7 @@ from thingc.batch.job import STOPPED, Job, Row, refusal, row
 from thingc.batch.measurements import Results, UnknownMount, measure
 from thingc.batch.packed_layout import FILES, SHARED
 from thingc.batch.plans.build_templates import Builds
-from thingc.batch.rules import Rule, unkept
+from thingc.batch.rules import Rule, violations
 from thingc.batch.variant import Variant
 from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.documents.expressions.parsing import parse_expression
@@ -49,7 +49,7 @@ class Runner:
     def __init__(self, job: Job) -> None:
         self.job = job
         self.printed: dict[str, list[str]] = {}
-        options = Options(store=job.store, jobs=1, part_timeout=job.part_timeout, printed=self._hear)
+        options = Options(store=job.store, jobs=1, part_timeout=job.part_timeout, printed=self._store_printed_lines)
         self.session = Session(job.assembly, options)
         self.dimensions = {name: Dimension(*exponents) for name, exponents in job.dimensions.items()}
         self.rules = [
@@ -74,7 +74,7 @@ class Runner:
         started = time.perf_counter()
         try:
             try:
-                outcome = self._attempt(task)
+                outcome = self._build_by_plan_or_passes(task)
             except BlobMissing:  # a blob in the store is damaged: build the variant again
                 outcome = self._build_by_passes(task)
         except StoreUnusable as fault:
@@ -91,10 +91,10 @@ class Runner:
         outcome["seconds"] = round(time.perf_counter() - started, 6)
         return outcome
 
-    def _hear(self, part: str, lines: Sequence[str]) -> None:
+    def _store_printed_lines(self, part: str, lines: Sequence[str]) -> None:
         self.printed.setdefault(part, []).extend(lines)
 
-    def _attempt(self, task: Variant) -> Row:
+    def _build_by_plan_or_passes(self, task: Variant) -> Row:
         settings = Settings(parameters=task.parameters, choices=task.choices)
         planned = self.builds.build_by_plan(settings) if self.builds is not None else None
         if planned is None:
@@ -103,13 +103,13 @@ class Runner:
                 task, "refused", **_error_cells(refused[0]), modelled=[], reused=refused[1],
             )
         parts: dict[str, Any] = {"modelled": [], "reused": planned.parts}
-        shown = _displayed_results(planned.results)
+        displayed = _displayed_results(planned.results)
         verdict = self._judge(task, planned.results)
         if verdict is not None:
-            return row(task, **verdict, results=shown, **parts)
+            return row(task, **verdict, results=displayed, **parts)
         if self.job.folder is not None:
             parts |= self._write_files(self.job.folder, task, planned.files())
-        return row(task, "built", results=shown, losses=dict(planned.losses), **parts)
+        return row(task, "built", results=displayed, losses=dict(planned.losses), **parts)
 
     def _build_by_passes(self, task: Variant) -> Row:
         """Build a variant by running all compiler passes on its documents."""
@@ -123,17 +123,17 @@ class Runner:
             results = self._measure(compilation)
         except UnknownMount as fault:
             return row(task, "refused", **_error_cells([fault.diagnostic]), **parts)
-        shown = _displayed_results(results)
+        displayed = _displayed_results(results)
         verdict = self._judge(task, results)
         if verdict is not None:
-            return row(task, **verdict, results=shown, **parts)
+            return row(task, **verdict, results=displayed, **parts)
         artifacts = self.session.emit(compilation, self.job.emit, verify=self.job.verify)
         if compilation.report.failed:
-            return row(task, "refused", **_error_cells(compilation.report.sorted_diagnostics()), results=shown, **parts)
+            return row(task, "refused", **_error_cells(compilation.report.sorted_diagnostics()), results=displayed, **parts)
         if self.job.folder is not None:
             parts |= self._write_files(self.job.folder, task, self.session.files(compilation, artifacts))
-        losses = counts_of(loss for one in artifacts.values() for loss in one.losses)
-        return row(task, "built", results=shown, losses=losses, **parts)
+        losses = counts_of(loss for artifact in artifacts.values() for loss in artifact.losses)
+        return row(task, "built", results=displayed, losses=losses, **parts)
 
     def _write_files(self, folder: str, task: Variant, files: Mapping[str, Content]) -> dict[str, Any]:
         """Write the files of a variant to its folder, and return the additional cells of its row.
@@ -147,8 +147,8 @@ class Runner:
         shared = {path: content.sha256 for path, content in files.items() if isinstance(content, StoredArtifact)}
         for sha256 in shared.values():
             keep_asset(folder, sha256, store)
-        own = {path: base64.b64encode(data).decode() for path, data in files.items() if isinstance(data, bytes)}
-        return {FILES: own, SHARED: shared}
+        contents = {path: base64.b64encode(data).decode() for path, data in files.items() if isinstance(data, bytes)}
+        return {FILES: contents, SHARED: shared}
 
     def _measure(self, compilation: Compilation) -> Results:
         robot = next(robot for robot in compilation.robots if robot.mode.name == self.job.results_mode)
@@ -172,8 +172,8 @@ class Runner:
             name: Quantity(float(value), self.dimensions[name]) if name in self.dimensions else value  # type: ignore[misc]
             for name, value in task.values.items()
         }
-        for rule, wrong in unkept(self.rules, values, results, self.job.results_mode):
-            return {"status": "kept_out", "rule": rule.text} if wrong is None else {"status": "refused", **_error_cells([wrong])}
+        for rule, error in violations(self.rules, values, results, self.job.results_mode):
+            return {"status": "kept_out", "rule": rule.text} if error is None else {"status": "refused", **_error_cells([error])}
         return None
 
 
@@ -184,14 +184,14 @@ def _displayed_results(results: Results) -> dict[str, float | str]:
 
 def _error_cells(diagnostics: Iterable[Diagnostic]) -> dict[str, Any]:
     """Return the row cells that describe errors: the code and the message of the first error, and the first errors for the journal."""
-    errors = [one for one in diagnostics if one.severity is Severity.ERROR]
+    errors = [diagnostic for diagnostic in diagnostics if diagnostic.severity is Severity.ERROR]
     return {"code": errors[0].code.code, "message": errors[0].message, "diagnostics": as_json(errors[:SHOWN])}
 
 
 def _crash_row(task: Variant, fault: BaseException) -> Row:
-    words = " ".join(str(fault).split())
+    message = " ".join(str(fault).split())
     return row(
-        task, "failed", code=Code.VARIANT_RAISED.code, message=f"internal error: {type(fault).__name__}: {words}",
+        task, "failed", code=Code.VARIANT_RAISED.code, message=f"internal error: {type(fault).__name__}: {message}",
         detail="".join(traceback.format_exception(fault)),
     )
 
@@ -211,8 +211,8 @@ def main() -> None:
     with Runner(job) as runner:
         answer({"ready": True})
         while True:
-            for given in json.loads(lines.get()):
-                answer(runner.build(Variant(**given)))
+            for fields in json.loads(lines.get()):
+                answer(runner.build(Variant(**fields)))
 
 
 if __name__ == "__main__":

@@ -65,8 +65,8 @@ def changeable_fields() -> KeysView[str]:
     """
     import mujoco
     model = mujoco.MjSpec().compile()
-    read = (name for name in names(model) if name not in BUFFERS and not name.startswith((*SHAPES, "vis.")))
-    return {name: None for name in read if name in SHORTCUTS or np.asarray(getattr(*owner_of(model, name))).dtype.kind == "f"}.keys()
+    candidates = (name for name in names(model) if name not in BUFFERS and not name.startswith((*SHAPES, "vis.")))
+    return {name: None for name in candidates if name in SHORTCUTS or np.asarray(getattr(*owner_of(model, name))).dtype.kind == "f"}.keys()
 
 
 class StructuresDiffer(FamilyError):
@@ -131,11 +131,11 @@ class ModelGroup:
     def stack(self, name: str) -> Array:
         """Return the values of a field in all models of the group, as an array with shape (models, *shape of the field)."""
         first = self.first[name]
-        made = np.empty((len(self.indices), *first.shape), first.dtype)
-        made[:] = first
+        stacked = np.empty((len(self.indices), *first.shape), first.dtype)
+        stacked[:] = first
         for row, value in self.rows.get(name, {}).items():
-            made[row] = value
-        return made
+            stacked[row] = value
+        return stacked
 
 
 def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
@@ -148,19 +148,19 @@ def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
     if not is_whole(index, 0) or index >= count:
         raise FamilyError(f"there are fields for {format_count(count, 'variant')}, but none for index {index}")
     for name, values in fields.items():
-        here = getattr(*owner_of(model, name), None)
+        target = getattr(*owner_of(model, name), None)
         rows = values.shape[1:2] if name in LEADING else ()
-        if here is None or values.shape[1:] != (*rows, *getattr(here, "shape", ())[len(rows):]):
+        if target is None or values.shape[1:] != (*rows, *getattr(target, "shape", ())[len(rows):]):
             raise FamilyError(f"the field `{name}` and this model belong to different batches")
     for name, values in fields.items():
         owner, field = owner_of(model, name)
-        here = getattr(owner, field)
-        if getattr(here, "ndim", 0) == 0:
+        target = getattr(owner, field)
+        if getattr(target, "ndim", 0) == 0:
             setattr(owner, field, values[index].item())
         elif name in LEADING:
-            here[: values.shape[1]] = values[index]
+            target[: values.shape[1]] = values[index]
         else:
-            here[:] = values[index]
+            target[:] = values[index]
 
 
 def write(
@@ -211,26 +211,26 @@ def _leading(values: Any) -> Any:
 
 def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVariant) -> None:
     """Raise `StructuresDiffer` if the MuJoCo models of two variants differ in a field that `changeable_fields` does not contain."""
-    both = f"in `{first.name}` and `{second.name}`"
+    variants = f"in `{first.name}` and `{second.name}`"
     here, there = element_names(model), element_names(other)
     for kind, _, count in _KINDS.values():
         if here[kind] != there[kind]:
             only = [name for name in (*here[kind], *there[kind]) if (name in here[kind]) != (name in there[kind])]
             which = f"`{only[0]}` exists in only one of the two models" if only else "their order differs"
-            raise StructuresDiffer(count, f"the elements of kind `{kind}` differ {both}: {which}")
+            raise StructuresDiffer(count, f"the elements of kind `{kind}` differ {variants}: {which}")
     differing = [name for name in different_fields(model, other) if name not in changeable_fields() and name not in _FOLLOW]
     if any(name.startswith("mesh_") for name in differing):
-        _raise_of_meshes(model, other, both)
+        _raise_of_meshes(model, other, variants)
     sizes = [name for name in differing if isinstance(getattr(model, name, None), int | bytes)]
     for name in (*sizes, *differing):
         a, b = getattr(model, name, None), getattr(other, name, None)
         if isinstance(a, np.ndarray):
-            raise StructuresDiffer(name, f"`{name}` differs {both}{_where(model, name, a, b)}, but cannot be changed in place")
+            raise StructuresDiffer(name, f"`{name}` differs {variants}{_where(model, name, a, b)}, but cannot be changed in place")
         if isinstance(a, int | bytes):
-            raise StructuresDiffer(name, f"`{name}` differs {both}{f': {a} and {b}' if isinstance(a, int) else ''}")
+            raise StructuresDiffer(name, f"`{name}` differs {variants}{f': {a} and {b}' if isinstance(a, int) else ''}")
         if name.startswith("opt."):
             option = name.removeprefix("opt.")
-            raise StructuresDiffer(name, f"the option `{option}` differs {both}, but cannot be changed in place")
+            raise StructuresDiffer(name, f"the option `{option}` differs {variants}, but cannot be changed in place")
 
 
 def _raise_of_meshes(model: Any, other: Any, both: str) -> None:

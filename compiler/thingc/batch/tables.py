@@ -62,7 +62,7 @@ def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Seque
     """
     return (
         *(Column(name=name, kind="integer" if name == "index" else "text") for name in HEAD),
-        *(replace(one, name=setting(one.name)) for one in parameters),
+        *(replace(column, name=setting(column.name)) for column in parameters),
         *(Column(name=path, kind="text") for path in choices),
         *(Column(name=name, kind="number", unit=dimension_of(name).symbol) for name in (*RESULTS, *lengths)),
         Column(name=LOSSES, kind="integer"),
@@ -86,10 +86,10 @@ def flat(line: Line) -> dict[str, Any]:
     }
 
 
-def cells(line: Line, wanted: Sequence[Column]) -> list[Any]:
-    """Convert a journal line to a list of table cells, in the order of the columns `wanted`. Empty cells are None."""
+def cells(line: Line, columns: Sequence[Column]) -> list[Any]:
+    """Convert a journal line to a list of table cells, in the order of `columns`. Empty cells are None."""
     values = flat(line)
-    typed = [(column.kind, values.get(column.name)) for column in wanted]
+    typed = [(column.kind, values.get(column.name)) for column in columns]
     return [float(value) if kind == "number" and value is not None else value for kind, value in typed]
 
 
@@ -97,25 +97,25 @@ def write_tables(folder: str, parameters: Sequence[Column], choices: Sequence[st
     """Write the files `results.csv` and `results.parquet` of a batch again, each in one atomic step. Return the columns of the table."""
     from pyarrow.parquet import ParquetWriter
 
-    wanted = columns(parameters, choices, lengths_in(folder))
-    written = os.path.join(folder, folder_layout.TABLE_CSV), os.path.join(folder, folder_layout.TABLE_PARQUET)
-    schema, lines = _schema(wanted), in_order(folder)
-    with open(f"{written[0]}.new", "w", encoding="utf-8", newline="") as stream, ParquetWriter(f"{written[1]}.new", schema) as parquet:
+    table_columns = columns(parameters, choices, lengths_in(folder))
+    paths = os.path.join(folder, folder_layout.TABLE_CSV), os.path.join(folder, folder_layout.TABLE_PARQUET)
+    schema, lines = _schema(table_columns), in_order(folder)
+    with open(f"{paths[0]}.new", "w", encoding="utf-8", newline="") as stream, ParquetWriter(f"{paths[1]}.new", schema) as parquet:
         rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow([format_cell(column.name) for column in wanted])
-        while block := [cells(line, wanted) for line in islice(lines, BLOCK)]:
+        rows.writerow([format_cell(column.name) for column in table_columns])
+        while block := [cells(line, table_columns) for line in islice(lines, BLOCK)]:
             rows.writerows([format_cell(value) for value in row] for row in block)
             parquet.write_table(arrow_table(schema, block))
-    for path in written:
+    for path in paths:
         os.replace(f"{path}.new", path)
-    return wanted
+    return table_columns
 
 
-def _schema(wanted: Sequence[Column]) -> Any:
+def _schema(columns: Sequence[Column]) -> Any:
     """Return the Arrow schema of the table. The metadata of a column contains its unit."""
     import pyarrow
 
     types = {"integer": pyarrow.int64(), "number": pyarrow.float64(), "text": pyarrow.string(), "flag": pyarrow.bool_()}
     return pyarrow.schema([
-        pyarrow.field(column.name, types[column.kind], metadata={"unit": column.unit} if column.unit else None) for column in wanted
+        pyarrow.field(column.name, types[column.kind], metadata={"unit": column.unit} if column.unit else None) for column in columns
     ])

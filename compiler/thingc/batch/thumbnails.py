@@ -37,30 +37,30 @@ def main() -> None:
     """Run the main loop of the rendering process: read a line of standard input, and write the answers to standard output."""
     answer = connect_to_parent()
     os.environ.setdefault("MUJOCO_GL", "egl")
-    asked = json.loads(sys.stdin.readline() or "null")
-    if asked is None:
+    request = json.loads(sys.stdin.readline() or "null")
+    if request is None:
         return
     measured = []
-    for path in asked["measure"]:
+    for path in request["measure"]:
         try:
-            measured.append(extent(*load_pictures(path), asked["pose"]))
+            measured.append(extent(*load_pictures(path), request["pose"]))
         except (OSError, ValueError):  # the file is missing, or MuJoCo rejects the model
             measured.append(([], (0.0, 0.0, 0.0)))
     answer(measured)
-    asked = json.loads(sys.stdin.readline() or "null")
-    if asked is None:
+    request = json.loads(sys.stdin.readline() or "null")
+    if request is None:
         return
     try:
         ready()
     except NoGraphics as fault:
         answer({"fault": str(fault), "hint": fault.diagnostic.help})
         return
-    for path, picture in asked["draw"]:
-        data = small_picture(*load_pictures(path), asked["pose"], asked["points"], asked["gravity"])
-        aside = os.path.join(os.path.dirname(picture), f"{NEW}{os.path.basename(picture)}-{os.getpid()}")
-        with open(aside, "wb") as stream:
+    for path, picture in request["draw"]:
+        data = small_picture(*load_pictures(path), request["pose"], request["points"], request["gravity"])
+        temporary = os.path.join(os.path.dirname(picture), f"{NEW}{os.path.basename(picture)}-{os.getpid()}")
+        with open(temporary, "wb") as stream:
             stream.write(data)
-        os.replace(aside, picture)
+        os.replace(temporary, picture)
         answer({"drawn": picture})
 
 

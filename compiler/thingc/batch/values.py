@@ -117,18 +117,18 @@ class Paths(FrozenStruct):
 
 def read_paths(spec: VariantsSpec, documents: Documents, parameters: Mapping[str, ExpressionValue]) -> Paths:
     """Return the paths at which a variants document sets values. `parameters` contains the values of the parameters of the assembly."""
-    given: dict[str, list[ExpressionValue]] = {}
+    values_by_path: dict[str, list[ExpressionValue]] = {}
     for name, raw in _entries(spec):
         if "." in name:
-            given.setdefault(name, []).extend(value for one in _each(raw) if (value := as_value(one)) is not None)
-    stated = {path: current_value(documents, path) for path in given}
-    own = {path: value for path, value in stated.items() if value is not None and not isinstance(value, Expression)}
-    expressions = {path: value for path, value in stated.items() if isinstance(value, Expression)}
+            values_by_path.setdefault(name, []).extend(value for entry in _each(raw) if (value := as_value(entry)) is not None)
+    document_values = {path: current_value(documents, path) for path in values_by_path}
+    values = {path: value for path, value in document_values.items() if value is not None and not isinstance(value, Expression)}
+    expressions = {path: value for path, value in document_values.items() if isinstance(value, Expression)}
     for path, expression in expressions.items():
         with suppress(ExpressionError):
-            own[path] = evaluate(expression, parameters)
-    kinds = {path: kind for path, values in given.items() if (kind := _kind(own.get(path), values)) is not None}
-    return Paths(kinds=kinds, own={path: of_kind(value, kinds[path]) or value for path, value in own.items()}, expressions=expressions)
+            values[path] = evaluate(expression, parameters)
+    kinds = {path: kind for path, others in values_by_path.items() if (kind := _kind(values.get(path), others)) is not None}
+    return Paths(kinds=kinds, own={path: of_kind(value, kinds[path]) or value for path, value in values.items()}, expressions=expressions)
 
 
 def _entries(spec: VariantsSpec) -> Iterator[tuple[str, Any]]:
@@ -152,13 +152,13 @@ def as_value(raw: Any) -> ExpressionValue | None:
     return Quantity(float(raw)) if isinstance(raw, (int, float)) and not isinstance(raw, bool) else raw
 
 
-def _kind(own: ExpressionValue | None, given: Iterable[ExpressionValue]) -> ExpressionValue | None:
-    """Return an example value for a path: the value in the assembly document, or else the first value in `given`.
+def _kind(document_value: ExpressionValue | None, others: Iterable[ExpressionValue]) -> ExpressionValue | None:
+    """Return an example value for a path: the value in the assembly document, or else the first value in the variants document.
 
-    The number 0 without a unit is returned only if no other value exists.
+    `others` contains the values in the variants document. Return the number 0 without a unit only if there is no other value.
     """
-    known = [one for one in (own, *given) if one is not None]
-    return next((one for one in known if one != Quantity(0.0)), known[0] if known else None)
+    known = [value for value in (document_value, *others) if value is not None]
+    return next((value for value in known if value != Quantity(0.0)), known[0] if known else None)
 
 
 def of_kind(value: ExpressionValue, kind: ExpressionValue | None) -> ExpressionValue | None:

@@ -51,7 +51,7 @@ class DaskCluster(Cluster):
         except ImportError:
             raise missing("distributed") from None
         self.address = address
-        self._asked = jobs
+        self._jobs = jobs
         for name in logging.root.manager.loggerDict:
             if name.partition(".")[0] in ("distributed", "tornado"):  # errors are reported by thingc
                 logging.getLogger(name).setLevel(logging.CRITICAL + 1)
@@ -70,8 +70,8 @@ class DaskCluster(Cluster):
                 Code.CLUSTER, f"the scheduler at `{address}` has no worker", f"start workers with `dask worker {address} --nthreads 1`",
             ) from None
         self._executor = self._client.get_executor(pure=False)
-        self._looked = 0.0
-        self._alone: float | None = None
+        self._last_poll = 0.0
+        self._without_workers_since: float | None = None
         self.fault()
 
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
@@ -90,10 +90,10 @@ class DaskCluster(Cluster):
         except Exception as fault:
             raise self._lost(_first_line(fault)) from None
         died = (import_module("distributed.comm").CommClosedError, ConnectionError, TimeoutError)
-        there = {worker: answer for worker, answer in sorted(answers.items()) if not isinstance(answer, died)}
-        if answers and not there:
+        answering = {worker: answer for worker, answer in sorted(answers.items()) if not isinstance(answer, died)}
+        if answers and not answering:
             raise self._lost("no worker responds")
-        for worker, answer in there.items():
+        for worker, answer in answering.items():
             if isinstance(answer, BaseException):
                 raise BatchFault(
                     Code.CLUSTER, f"the worker {worker} cannot run thingc: {_first_line(answer)}",
@@ -102,15 +102,15 @@ class DaskCluster(Cluster):
             theirs, hashes = answer
             other = sorted(name for name in {*mine, *theirs} if mine.get(name) != theirs.get(name))
             if other:
-                words = ", ".join(f"{name} {theirs.get(name, 'none')} instead of {mine.get(name, 'none')}" for name in other)
+                found = ", ".join(f"{name} {theirs.get(name, 'none')} instead of {mine.get(name, 'none')}" for name in other)
                 raise BatchFault(
-                    Code.CLUSTER, f"the worker {worker} has different versions: {words}", "install the same versions on all machines",
+                    Code.CLUSTER, f"the worker {worker} has different versions: {found}", "install the same versions on all machines",
                 )
             for path, sha256 in files.items():
                 if hashes[path] != sha256:
-                    what = "cannot find" if hashes[path] is None else "has different content for"
+                    problem = "cannot find" if hashes[path] is None else "has different content for"
                     raise BatchFault(
-                        Code.CLUSTER, f"the worker {worker} {what} `{path}`",
+                        Code.CLUSTER, f"the worker {worker} {problem} `{path}`",
                         "put the documents and the batch folder (-o) on a file system that all machines share under the same paths, "
                         "or use --ship, which copies the documents and fetches the results",
                     )
@@ -123,19 +123,19 @@ class DaskCluster(Cluster):
         if self._client.status != "running":
             return self._lost("the connection was closed")
         now = time.monotonic()
-        if now - self._looked < LOOK:
+        if now - self._last_poll < LOOK:
             return None
         try:
             threads = sum(self._client.nthreads().values())
         except Exception as fault:
             return self._lost(_first_line(fault))
-        self._looked = now
-        self.ahead = self._asked or 2 * max(1, threads)
+        self._last_poll = now
+        self.ahead = self._jobs or 2 * max(1, threads)
         if threads:
-            self._alone = None
-        elif self._alone is None:
-            self._alone = now
-        elif now - self._alone > PATIENCE:
+            self._without_workers_since = None
+        elif self._without_workers_since is None:
+            self._without_workers_since = now
+        elif now - self._without_workers_since > PATIENCE:
             return BatchFault(
                 Code.CLUSTER, f"the scheduler at `{self.address}` has had no worker for {PATIENCE:g} s",
                 "start workers and continue with --resume; built variants remain",
@@ -150,8 +150,8 @@ class DaskCluster(Cluster):
         """
         from thingc.batch.cluster.dask_plugin import UnpackedWorkspace
 
-        for left in self._left_behind():
-            self._unregister(left)
+        for plugin in self._abandoned_workspaces():
+            self._unregister(plugin)
         try:
             self._client.register_plugin(UnpackedWorkspace(name, transfer), name=self._plugin(name))
         except Exception as fault:
@@ -190,7 +190,7 @@ class DaskCluster(Cluster):
         with contextlib.suppress(Exception):  # the scheduler or a worker is gone
             self._client.unregister_worker_plugin(plugin)
 
-    def _left_behind(self) -> list[str]:
+    def _abandoned_workspaces(self) -> list[str]:
         """Return the names of workspaces that were sent by processes that are no longer connected to the scheduler."""
 
         def names(dask_scheduler: Any) -> list[str]:  # sent as code: thingc need not be installed on the scheduler
@@ -210,9 +210,9 @@ class DaskCluster(Cluster):
         except Exception:  # the scheduler may be gone
             pass
 
-    def _lost(self, words: str) -> BatchFault:
+    def _lost(self, reason: str) -> BatchFault:
         return BatchFault(
-            Code.CLUSTER, f"the connection to the scheduler at `{self.address}` was lost: {words}",
+            Code.CLUSTER, f"the connection to the scheduler at `{self.address}` was lost: {reason}",
             "continue with --resume, on the cluster or (without --cluster) on this machine; built variants remain",
         )
 

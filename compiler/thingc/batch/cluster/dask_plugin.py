@@ -8,14 +8,14 @@ from typing import Any
 from distributed import WorkerPlugin
 from msgspec.structs import replace
 
-from thingc.batch.cluster.remote_workers import leave, settle
+from thingc.batch.cluster.remote_workers import remove_workspace, unpack_workspace
 from thingc.batch.cluster.workspace_archive import WorkspaceArchive
 
 
 class UnpackedWorkspace(WorkerPlugin):
     """A dask plugin that unpacks a workspace on every worker, including workers that connect later.
 
-    If the plugin cannot unpack the workspace, `remote_workers.evaluate_there` reports the reason.
+    If the plugin cannot unpack the workspace, `remote_workers.evaluate_on_worker` reports the reason.
     """
 
     def __init__(self, shipment: str, transfer: WorkspaceArchive) -> None:
@@ -24,9 +24,9 @@ class UnpackedWorkspace(WorkerPlugin):
 
     def setup(self, worker: Any) -> None:
         """Unpack the workspace into the folder of a worker. When the worker ends, dask deletes this folder."""
-        settle(self.shipment, self.transfer, worker.local_directory, worker.address)
+        unpack_workspace(self.shipment, self.transfer, worker.local_directory, worker.address)
         self.transfer = replace(self.transfer, data=b"")  # the scheduler keeps the data for later workers
 
     async def teardown(self, worker: Any) -> None:
         """End the idle runner processes on a worker, and remove the unpacked workspace. Ending the processes can take a moment."""
-        await asyncio.to_thread(leave, self.shipment)
+        await asyncio.to_thread(remove_workspace, self.shipment)

@@ -1,9 +1,9 @@
 """Build variants on workers without a shared folder.
 
 The driver sends the workspace to each worker once. The class `RemoteExecutor` wraps a cluster, so that a batch can use the cluster like an
-executor that writes variants to the batch folder. On a worker, `evaluate_there` builds variants from the unpacked workspace as for a packed
-batch: the rows of results contain all files except shared files. The driver fetches shared files in groups of a few megabytes, and writes
-the variants. A shared file is fetched only once. A file that the store of the driver contains is not fetched.
+executor that writes variants to the batch folder. On a worker, `evaluate_on_worker` builds variants from the unpacked workspace as for a
+packed batch: the rows of results contain all files except shared files. The driver fetches shared files in groups of a few megabytes, and
+writes the variants. A shared file is fetched only once. A file that the store of the driver contains is not fetched.
 
     <place>/work/                the unpacked workspace
     <place>/out/assets/<sha256>  shared files
@@ -58,7 +58,7 @@ CHUNK_SECONDS = 2.0
 
 This duration is longer than for a shared file system, because each chunk needs an additional request.
 """
-FAREWELL = 30.0
+STOP_TIMEOUT = 30.0
 """Time limit [s] for file transfers that are running when a batch ends."""
 
 
@@ -78,7 +78,7 @@ _REFUSED: dict[str, str] = {}
 """The reasons why this process could not unpack workspaces, by the name of the workspace."""
 
 
-def settle(name: str, transfer: WorkspaceArchive, folder: str, worker: str) -> None:
+def unpack_workspace(name: str, transfer: WorkspaceArchive, folder: str, worker: str) -> None:
     """Unpack a workspace atomically into the folder of a worker.
 
     Raises `OSError` if writing fails, and `ValueError` for a damaged archive.
@@ -97,16 +97,16 @@ def settle(name: str, transfer: WorkspaceArchive, folder: str, worker: str) -> N
     _PLACES[name] = WorkerFolder(folder=place, worker=worker)
 
 
-def leave(name: str) -> None:
+def remove_workspace(name: str) -> None:
     """Remove the workspace of a batch from a worker. Builds in progress fail, because the batch no longer needs their results."""
     place = _PLACES.pop(name, None)
     _REFUSED.pop(name, None)
     if place is None:
         return
-    gone = f"{place.folder}.old"
+    old = f"{place.folder}.old"
     with contextlib.suppress(OSError):
-        os.rename(place.folder, gone)
-        shutil.rmtree(gone, ignore_errors=True)
+        os.rename(place.folder, old)
+        shutil.rmtree(old, ignore_errors=True)
     RUNNERS.close()  # these runners worked in the folder
 
 
@@ -124,7 +124,7 @@ class Answer(FrozenStruct):
     rows: list[Row]
 
 
-def evaluate_there(name: str, job: str, tasks: Sequence[Variant], timeout: float) -> Answer:
+def evaluate_on_worker(name: str, job: str, tasks: Sequence[Variant], timeout: float) -> Answer:
     """Build the variants of a chunk on a worker, as `engine.evaluate` does on this machine.
 
     `job` is a string that `RemoteExecutor` has encoded, in which paths are relative to the workspace. Raises `WorkerLost` if the workspace
@@ -153,8 +153,8 @@ def _localize(job: str, place: WorkerFolder) -> str:
     ).encode()
 
 
-def read_there(name: str, shared: Sequence[str], most: int) -> list[bytes]:
-    """Return the contents of the first shared files on a worker, at most `most` bytes, but at least one file.
+def read_shared_files(name: str, shared: Sequence[str], max_bytes: int) -> list[bytes]:
+    """Return the contents of the first shared files on a worker, at most `max_bytes` bytes, but at least one file.
 
     `shared` contains the SHA-256 of the files. Raises `WorkerLost` if the worker no longer has the files.
     """
@@ -162,7 +162,7 @@ def read_there(name: str, shared: Sequence[str], most: int) -> list[bytes]:
     contents: list[bytes] = []
     try:
         for sha256 in shared:
-            if contents and sum(map(len, contents)) + os.path.getsize(asset_path(assets.folder, sha256)) > most:
+            if contents and sum(map(len, contents)) + os.path.getsize(asset_path(assets.folder, sha256)) > max_bytes:
                 break
             contents.append(assets.read(sha256))
     except OSError as fault:
@@ -214,9 +214,9 @@ class RemoteExecutor(Cluster):
             raise TypeError("shipped workspaces can only evaluate chunks")
         job, tasks, timeout = arguments
         outer: Future[T] = Future()
-        inner = self.cluster.submit(evaluate_there, self.name, self._template(job), tasks, timeout)
-        outer.add_done_callback(lambda done: inner.cancel() if done.cancelled() else None)
-        inner.add_done_callback(lambda done: self._arrived.put((outer, done)))
+        inner = self.cluster.submit(evaluate_on_worker, self.name, self._template(job), tasks, timeout)
+        outer.add_done_callback(lambda inner_future: inner.cancel() if inner_future.cancelled() else None)
+        inner.add_done_callback(lambda inner_future: self._arrived.put((outer, inner_future)))
         return outer
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -224,7 +224,7 @@ class RemoteExecutor(Cluster):
         self._stopping = True
         self._arrived.put(None)
         if self._thread.is_alive():
-            self._thread.join(FAREWELL)
+            self._thread.join(STOP_TIMEOUT)
         self.cluster.unship(self.name)
 
     def _sent_job(self, text: str) -> str:
@@ -233,11 +233,11 @@ class RemoteExecutor(Cluster):
         Paths in the converted job are relative to the workspace, and a store on this machine is omitted. Rows contain files.
         """
         job = Job.decode(text)
-        root, here = os.path.realpath(self.transfer.root), os.path.realpath(os.getcwd())
-        inside = os.path.join(here, "").startswith(os.path.join(root, ""))
+        root, cwd = os.path.realpath(self.transfer.root), os.path.realpath(os.getcwd())
+        inside = os.path.join(cwd, "").startswith(os.path.join(root, ""))
         return replace(
             job, assembly=os.path.relpath(job.assembly, self.transfer.root), folder=None,
-            packed=True, cwd=os.path.relpath(here, root) if inside else None,
+            packed=True, cwd=os.path.relpath(cwd, root) if inside else None,
             store=job.store if job.store is not None and "://" in job.store else None,
         ).encode()
 
@@ -262,10 +262,10 @@ class RemoteExecutor(Cluster):
         """
         assets = _AnsweredAssets(self, answer)
         rows: list[Row] = []
-        for given in answer.rows:
+        for row_on_worker in answer.rows:
             if self._stopping:
                 raise Cancelled
-            row: Row = self._replace_paths(given, os.path.join(answer.place.folder, WORK))
+            row: Row = self._replace_paths(row_on_worker, os.path.join(answer.place.folder, WORK))
             rows.append(row)
             if row["status"] == STOPPED:
                 row["message"] = f"on the worker {answer.place.worker}: {row['message']}"
@@ -324,7 +324,7 @@ class _AnsweredAssets:
         self._fetched: dict[str, bytes] = {}
 
     @cached_property
-    def _wanted(self) -> list[str]:
+    def _missing(self) -> list[str]:
         """The SHA-256 of all files that this machine does not have, and that have not been fetched yet."""
         used = dict.fromkeys(sha256 for row in self.answer.rows for sha256 in row.get(SHARED, {}).values())
         folder, store = self.shipping.folder, self.shipping.store
@@ -335,18 +335,18 @@ class _AnsweredAssets:
 
         Raises `WorkerLost` if the worker has ended, and `StoreUnusable` if the store cannot be read.
         """
-        if sha256 not in self._fetched and sha256 not in self._wanted:
+        if sha256 not in self._fetched and sha256 not in self._missing:
             with contextlib.suppress(BlobMissing):
                 return self.shipping.store.read(sha256)
         if sha256 not in self._fetched:
-            self._fetch([sha256, *(one for one in self._wanted if one != sha256)])
+            self._fetch([sha256, *(other for other in self._missing if other != sha256)])
         return self._fetched.pop(sha256)
 
     def _fetch(self, group: Sequence[str]) -> None:
         """Fetch the first files of a group from the worker."""
-        contents = self.shipping.cluster.ask(self.answer.place.worker, read_there, self.shipping.name, group, PULL_BYTES)
+        contents = self.shipping.cluster.ask(self.answer.place.worker, read_shared_files, self.shipping.name, group, PULL_BYTES)
         for sha256, data in zip(group, contents):
             if hashlib.sha256(data).hexdigest() != sha256:
                 raise WorkerLost(f"the shared file `{sha256}` was damaged during the transfer")
             self._fetched[sha256] = data
-        self._wanted[:] = [one for one in self._wanted if one not in self._fetched]
+        self._missing[:] = [digest for digest in self._missing if digest not in self._fetched]

@@ -61,7 +61,7 @@ def settings_of(text: str) -> SlurmSettings:
     more: dict[str, str] = {}
     known = ("partition", "cpus", "time", "account", "qos", "constraint", "memory", "cluster")
     for piece in filter(None, (piece.strip() for piece in text.split(","))):
-        name, equals, value = (word.strip() for word in piece.partition("="))
+        name, equals, value = (text_part.strip() for text_part in piece.partition("="))
         if name not in known or not equals or not value:
             help = did_you_mean(name, known, what="settings")
             raise BatchFault(Code.COMMAND_LINE, f"slurm: expected NAME=VALUE with a valid NAME, found `{piece}`", help)
@@ -113,14 +113,14 @@ def _silent() -> Iterator[None]:
     For local jobs, submitit starts such processes. When these processes are cancelled or interrupted, they print a traceback.
     """
     sys.stderr.flush()
-    kept = os.dup(2)
+    saved = os.dup(2)
     try:
         with open(os.devnull, "wb") as nowhere:
             os.dup2(nowhere.fileno(), 2)
         yield
     finally:
-        os.dup2(kept, 2)
-        os.close(kept)
+        os.dup2(saved, 2)
+        os.close(saved)
 
 
 class SlurmCluster(Cluster):
@@ -172,8 +172,8 @@ class SlurmCluster(Cluster):
             with _silent() if self.settings.cluster == "local" else contextlib.nullcontext():
                 job = self._executor.submit(run_chunk, self.settings.cpus, *arguments)
         except Exception as fault:  # for example, an unknown partition or too many jobs
-            words = " ".join(str(fault).split())
-            self._fault = BatchFault(Code.CLUSTER, f"SLURM rejected the job: {words}", "fix the problem, and continue with --resume")
+            message = " ".join(str(fault).split())
+            self._fault = BatchFault(Code.CLUSTER, f"SLURM rejected the job: {message}", "fix the problem, and continue with --resume")
             future.set_exception(fault)
             return future
         with self._lock:
@@ -188,8 +188,8 @@ class SlurmCluster(Cluster):
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Cancel queued and running jobs, and remove the files that submitit has written."""
         with self._lock:
-            left = list(self._jobs)
-        for future in left:
+            futures = list(self._jobs)
+        for future in futures:
             future.cancel()
         self._stop.set()
         shutil.rmtree(self.folder, ignore_errors=True)

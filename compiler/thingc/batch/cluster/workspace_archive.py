@@ -122,11 +122,11 @@ class _Search:
         while waiting:
             for entry in _entries(waiting.pop()):
                 is_folder = entry.is_dir(follow_symlinks=False)
-                if not self._left_out(entry, is_folder=is_folder):
+                if not self._is_omitted(entry, is_folder=is_folder):
                     self._add(entry.path)
                     waiting.extend([entry.path] if is_folder else [])
 
-    def _left_out(self, entry: os.DirEntry[str], *, is_folder: bool) -> bool:
+    def _is_omitted(self, entry: os.DirEntry[str], *, is_folder: bool) -> bool:
         if entry.name.startswith(".") or not is_folder:
             return entry.name.startswith(".") or entry.name.endswith(".pyc")
         return (
@@ -135,9 +135,9 @@ class _Search:
         )
 
     def _add(self, path: str) -> None:
-        folder, own = os.path.split(path)
+        folder, file_name = os.path.split(path)
         if self.workspace.contains(folder):  # a file in a linked folder is packed at its target
-            path = os.path.join(os.path.realpath(folder), own)
+            path = os.path.join(os.path.realpath(folder), file_name)
         name = os.path.relpath(path, os.path.realpath(self.root)).replace(os.sep, "/")
         if name in self.found:
             return
@@ -154,10 +154,10 @@ class _Search:
             raise self._too_large()
 
     def _too_large(self) -> BatchFault:
-        what = f"{MOST_FILES} files" if len(self.found) > MOST_FILES else f"{MOST_BYTES // 1_000_000} MB"
+        limit = f"{MOST_FILES} files" if len(self.found) > MOST_FILES else f"{MOST_BYTES // 1_000_000} MB"
         largest = ", ".join(f"`{name}` ({size / 1e6:.1f} MB)" for name, size in self.sizes.most_common(3))
         return BatchFault(
-            Code.TOO_LARGE, f"the workspace in `{self.root}` has more than {what}, the limit of --ship; found so far: {largest}",
+            Code.TOO_LARGE, f"the workspace in `{self.root}` has more than {limit}, the limit of --ship; found so far: {largest}",
             "move unrelated files out of the workspace folder, or move the robot to a folder with its own `thingc.toml`",
         )
 

@@ -23,7 +23,7 @@ from thingc.batch.plans.row_paths import FEW, compute_rows
 from thingc.batch.plans.searches import SearchMemo
 from thingc.batch.plans.tape import Number, Tape
 from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult
-from thingc.batch.rules import unkept
+from thingc.batch.rules import violations
 from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.driver import pipeline
 from thingc.driver.settings import ParsedSettings, SettingsReader
@@ -257,7 +257,7 @@ class Evaluation(Planner[TracedResults, Measured]):
         def judge(numbers: Sequence[Number]) -> tuple[Verdict, Sequence[Number]] | None:
             quantities = {name: Quantity(number, kind) for name, kind, number in zip(names, kinds, numbers)}
             values, results = self.variants.values(quantities), plan.template.of(numbers[len(names) :])
-            rule, error = next(unkept(self.rules, values, results, self.mode), (None, None))
+            rule, error = next(violations(self.rules, values, results, self.mode), (None, None))
             return None if error is not None else ((None if rule is None else rule.text, ()), ())
 
         rows = np.array([(*parsed.values, *outputs) for parsed, (_, outputs) in zip(reads, together.values(), strict=True)])
@@ -271,7 +271,7 @@ class Evaluation(Planner[TracedResults, Measured]):
         """Return the first rule that the results violate and no errors, or else None and the errors of rules that cannot be evaluated."""
         values: Mapping[str, ExpressionValue] = self.reader.values(parsed) if self._has_texts(parsed) else self.reader.quantities(parsed)
         undecided: list[Diagnostic] = []
-        for rule, error in unkept(self.rules, self.variants.values(values), results, self.mode):
+        for rule, error in violations(self.rules, self.variants.values(values), results, self.mode):
             if error is None:
                 return rule.text, ()
             undecided.append(error)

@@ -32,8 +32,8 @@ def jax_function(program: Program, by: Sequence[int], values: Sequence[float], d
     if dtype not in ("float64", "float32"):
         raise FamilyError(f"expected `dtype` to be \"float64\" or \"float32\", found `{dtype}`")
     if dtype == "float64" and not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
-        words = "call `jax.config.update(\"jax_enable_x64\", True)` first, or use `dtype=\"float32\"`"
-        raise FamilyError("64-bit numbers are disabled in JAX", words)
+        help_text = "call `jax.config.update(\"jax_enable_x64\", True)` first, or use `dtype=\"float32\"`"
+        raise FamilyError("64-bit numbers are disabled in JAX", help_text)
     help = f"use `{instead}` instead"
     if len(program.statements) > LONGEST:
         raise FamilyError(f"the function has {len(program.statements)} operations, but JAX can compile at most {LONGEST}", help)
@@ -42,25 +42,25 @@ def jax_function(program: Program, by: Sequence[int], values: Sequence[float], d
         raise FamilyError(f"JAX does not have the operation `{sorted(unknown)[0]}`", help)
 
     def run(x: Any) -> tuple[Any, Any]:
-        given = [jnp.asarray(value, dtype=dtype) for value in values]
+        variables = [jnp.asarray(value, dtype=dtype) for value in values]
         for place, index in enumerate(by):
-            given[index] = jnp.asarray(x, dtype=dtype)[place]
-        known: dict[int, Any] = dict(zip(program.variables, given, strict=True))
+            variables[index] = jnp.asarray(x, dtype=dtype)[place]
+        known: dict[int, Any] = dict(zip(program.variables, variables, strict=True))
         ok = jnp.asarray(True)
-        for one in program.statements:
-            arguments = [value_in(argument, known) for argument in one.arguments]
-            result = arguments[0][arguments[1]] if one.operation == "item" else FUNCTIONS[one.operation](*arguments)
-            if isinstance(one, Operation):
-                known[one.target] = result
+        for statement in program.statements:
+            arguments = [value_in(argument, known) for argument in statement.arguments]
+            result = arguments[0][arguments[1]] if statement.operation == "item" else FUNCTIONS[statement.operation](*arguments)
+            if isinstance(statement, Operation):
+                known[statement.target] = result
             else:
-                ok = ok & (jnp.asarray(result, dtype=bool) == one.outcome)
-        return jnp.stack([jnp.asarray(value_in(one, known), dtype=dtype) for one in program.outputs]), ok
+                ok = ok & (jnp.asarray(result, dtype=bool) == statement.outcome)
+        return jnp.stack([jnp.asarray(value_in(statement, known), dtype=dtype) for statement in program.outputs]), ok
 
     return run
 
 
 def _hypot(*components: Any) -> Any:
-    return jnp.sqrt(sum(one * one for one in components))
+    return jnp.sqrt(sum(component * component for component in components))
 
 
 def _remainder(x: Any, y: Any) -> Any:
@@ -68,7 +68,7 @@ def _remainder(x: Any, y: Any) -> Any:
 
 
 def _moments(*entries: Any) -> Any:
-    matrix = jnp.stack([jnp.asarray(one) for one in entries]).reshape(3, 3)
+    matrix = jnp.stack([jnp.asarray(entry) for entry in entries]).reshape(3, 3)
     return jnp.linalg.eigvalsh((matrix + matrix.T) / 2.0)
 
 

@@ -34,7 +34,7 @@ def likeness(model: mujoco.MjModel) -> bytes:
 
     The bytes depend on all values of the model except meshes and numbers that can be changed.
     """
-    elements = {kind: found for kind, found in element_names(model).items() if kind not in ("mesh", "material")}
+    elements = {kind: parts for kind, parts in element_names(model).items() if kind not in ("mesh", "material")}
     fields = digest(model, lambda name: not (name in changeable_fields() or name in _FOLLOWING or name.startswith(_OF_MESHES)))
     return fields + repr([elements, [model.numeric(k).name for k in range(model.nnumeric)]]).encode()
 
@@ -58,36 +58,36 @@ def merge_models(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel
     asset.clear()
     files: dict[str, bytes] = {}
     named: list[dict[str, str]] = []
-    made: dict[tuple[str, bytes, str], str] = {}
+    model_by_name: dict[tuple[str, bytes, str], str] = {}
     for source, model in zip(sources, models, strict=True):
         used = {model.mesh(k).name for k in range(model.nmesh)}
-        own: dict[str, str] = {}
+        meshes: dict[str, str] = {}
         for mesh in ElementTree.fromstring(source.text).iterfind("asset/mesh"):
             name, file = mesh.get("name", ""), mesh.get("file", "")
             if name not in used:
                 continue
             data = source.assets[file]
             key = (name, hashlib.sha256(data).digest(), mesh.get("inertia", ""))
-            if key not in made:
-                made[key] = name if name not in made.values() else f"{name}~{len(made)}"
+            if key not in model_by_name:
+                model_by_name[key] = name if name not in model_by_name.values() else f"{name}~{len(model_by_name)}"
                 stem, _, suffix = file.rpartition(".")
-                placed = f"{stem}~{len(made)}.{suffix}"
+                placed = f"{stem}~{len(model_by_name)}.{suffix}"
                 files[placed] = data
-                ElementTree.SubElement(asset, "mesh", {**mesh.attrib, "name": made[key], "file": placed})
-            own[name] = made[key]
-        named.append(own)
+                ElementTree.SubElement(asset, "mesh", {**mesh.attrib, "name": model_by_name[key], "file": placed})
+            meshes[name] = model_by_name[key]
+        named.append(meshes)
     for geom in root.iter("geom"):
         if (mesh_name := geom.get("mesh")) is not None and mesh_name in named[0]:
             geom.set("mesh", named[0][mesh_name])
-    whole = _with_hulls(ElementTree.tostring(root, encoding="unicode"), files, list(made.values()))
-    if any([whole.geom(k).name for k in range(whole.ngeom)] != [one.geom(k).name for k in range(one.ngeom)] for one in models):
+    merged = _with_hulls(ElementTree.tostring(root, encoding="unicode"), files, list(model_by_name.values()))
+    if any([merged.geom(k).name for k in range(merged.ngeom)] != [one.geom(k).name for k in range(one.ngeom)] for one in models):
         return None
-    numbers = {whole.mesh(k).name: k for k in range(whole.nmesh)}
+    numbers = {merged.mesh(k).name: k for k in range(merged.nmesh)}
     chosen = [
-        [numbers[own[model.mesh(int(data)).name]] if data >= 0 else -1 for data in model.geom_dataid]
-        for own, model in zip(named, models, strict=True)
+        [numbers[meshes[model.mesh(int(data)).name]] if data >= 0 else -1 for data in model.geom_dataid]
+        for meshes, model in zip(named, models, strict=True)
     ]
-    return whole, chosen
+    return merged, chosen
 
 
 def _with_hulls(text: str, files: dict[str, bytes], meshes: Sequence[str]) -> mujoco.MjModel:

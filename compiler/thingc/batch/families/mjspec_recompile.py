@@ -76,40 +76,40 @@ class RecompiledSpec:
 
         self._spec = mujoco.MjSpec.from_string(text, vfs=files)
         places = [
-            (kind, name, attribute, self._entries(kind, name, attribute, stated, gaps))
-            for kind, name, attribute, stated, gaps in _gaps(template, ElementTree.fromstring(text))
+            (kind, name, attribute, self._entries(kind, name, attribute, specified, gaps))
+            for kind, name, attribute, specified, gaps in _gaps(template, ElementTree.fromstring(text))
         ]
         self._spec.compile(files)  # this may remove visual elements
-        found = ((getattr(self._spec, kind)(name), attribute, entries) for kind, name, attribute, entries in places)
-        self._places = [(one, attribute, entries) for one, attribute, entries in found if one is not None]
+        elements = ((getattr(self._spec, kind)(name), attribute, entries) for kind, name, attribute, entries in places)
+        self._places = [(element, attribute, entries) for element, attribute, entries in elements if element is not None]
         order = {name: k for k, name in enumerate(meshes)}
         self._meshes = [(mesh, order[mesh.name]) for mesh in self._spec.meshes if mesh.name in order]
         self._geoms = [(geom, order[geom.meshname]) for geom in self._spec.geoms if geom.meshname in order]
 
-    def _entries(self, kind: str, name: str, attribute: str, stated: Sequence[str], gaps: Sequence[int | None]) -> list[int | float]:
+    def _entries(self, kind: str, name: str, attribute: str, specified: Sequence[str], gaps: Sequence[int | None]) -> list[int | float]:
         """Return a list with one item for each element of an attribute of the `MjSpec`.
 
         For a slot, the item is the index of its value (an `int`); for any other element, it is a number (a `float`).
         """
-        one = getattr(self._spec, kind)(name)
-        value: Any = getattr(one, attribute, None) if one is not None else None
+        entry = getattr(self._spec, kind)(name)
+        value: Any = getattr(entry, attribute, None) if entry is not None else None
         try:
             numbers = [float(number) for number in ([value] if isinstance(value, float) else value)]
-            words = [float(word) for word in stated]
+            texts = [float(text) for text in specified]
         except (TypeError, ValueError):
             raise NotInMjSpec(f"{kind}.{attribute}") from None
-        if numbers[: len(words)] != words:
+        if numbers[: len(texts)] != texts:
             raise NotInMjSpec(f"{kind}.{attribute}")
-        return [*(number if gap is None else gap for number, gap in zip(words, gaps, strict=True)), *numbers[len(words):]]
+        return [*(number if gap is None else gap for number, gap in zip(texts, gaps, strict=True)), *numbers[len(texts):]]
 
     def model(self, values: Sequence[float], meshes: Sequence[str], files: mujoco.MjVfs) -> mujoco.MjModel:
         """Change the numbers and meshes of the `MjSpec`, and compile the `MjSpec` to a model.
 
         Raises `ValueError` if MuJoCo rejects the model.
         """
-        for one, attribute, entries in self._places:
+        for element, attribute, entries in self._places:
             numbers = [values[entry] + 0.0 if type(entry) is int else entry for entry in entries]
-            setattr(one, attribute, numbers if len(numbers) > 1 else numbers[0])
+            setattr(element, attribute, numbers if len(numbers) > 1 else numbers[0])
         for mesh, place in self._meshes:
             if mesh.name != meshes[place]:
                 mesh.name, mesh.file = meshes[place], f"{meshes[place]}.obj"
@@ -125,15 +125,15 @@ def _gaps(template: ModelTemplate, root: ElementTree.Element) -> list[tuple[str,
     Each list item contains the kind and the name of the element, the attribute, and the words of the attribute. The last field of a list
     item contains the index of the value for each word, or None for a word that is not a slot.
     """
-    found = []
-    for (element, above), (own, _) in zip(walk(ElementTree.fromstring(template.slotted)), walk(root), strict=True):
+    gaps_of_attribute = []
+    for (element, above), (attributes, _) in zip(walk(ElementTree.fromstring(template.slotted)), walk(root), strict=True):
         for attribute, value in element.attrib.items():
-            gaps = [template.places.get(word) for word in value.split()]
+            gaps = [template.places.get(text) for text in value.split()]
             if not any(gap is not None for gap in gaps):
                 continue
-            kind, named = ("body", above) if element.tag == "inertial" else (element.tag, own)
+            kind, named = ("body", above) if element.tag == "inertial" else (element.tag, attributes)
             attribute_of = _INERTIAL.get(attribute) if element.tag == "inertial" else attribute
             if kind not in _KINDS or attribute_of is None or not named.get("name"):
                 raise NotInMjSpec(f"{element.tag}.{attribute}")
-            found.append((kind, named.get("name", ""), attribute_of, own.get(attribute, "").split(), gaps))
-    return found
+            gaps_of_attribute.append((kind, named.get("name", ""), attribute_of, attributes.get(attribute, "").split(), gaps))
+    return gaps_of_attribute

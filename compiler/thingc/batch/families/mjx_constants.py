@@ -50,20 +50,20 @@ def with_constants(model: mjx.Model, data: mjx.Data, ratios: Sequence[tuple[int,
     places = jax.vmap(partial(_forward_positions, model, data))(jnp.stack([model.qpos0, model.qpos_spring] if relaxed else [model.qpos0]))
     composite = mjx.crb(model, jax.tree_util.tree_map(lambda leaf: leaf[0], places))
     inertia = jnp.diag(mjx.full_m(model, composite))
-    found = mjx.transmission(model, mjx.tendon_armature(model, composite))
-    matrix = mjx.full_m(model, found)
-    fields: Fields = {"body_subtreemass": _subtree_sums(model) @ model.body_mass, "dof_M0": inertia, "tendon_length0": found.ten_length}
+    placed = mjx.transmission(model, mjx.tendon_armature(model, composite))
+    matrix = mjx.full_m(model, placed)
+    fields: Fields = {"body_subtreemass": _subtree_sums(model) @ model.body_mass, "dof_M0": inertia, "tendon_length0": placed.ten_length}
     if model.nv:
         inverse = jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(matrix), True), jnp.eye(model.nv, dtype=matrix.dtype))
         fields["stat.meaninertia"] = jnp.mean(jnp.diag(matrix))
-        fields["body_invweight0"], fields["dof_invweight0"] = _inverse_weights(model, found, inverse)
-        fields["tendon_invweight0"] = jnp.einsum("ti,ij,tj->t", found._impl.ten_J, inverse, found._impl.ten_J)
-        moments = found._impl.actuator_moment
+        fields["body_invweight0"], fields["dof_invweight0"] = _inverse_weights(model, placed, inverse)
+        fields["tendon_invweight0"] = jnp.einsum("ti,ij,tj->t", placed._impl.ten_J, inverse, placed._impl.ten_J)
+        moments = placed._impl.actuator_moment
         fields["actuator_acc0"] = _lengths(moments @ inverse)
         if ratios:
             fields["actuator_biasprm"] = _apply_damping_ratios(model, jnp.einsum("ai,ij,aj->a", moments, inverse, moments), ratios)
     if model.ncam:
-        fields |= _cameras(model, found)
+        fields |= _cameras(model, placed)
     if relaxed:
         chosen = np.array(relaxed)
         fields["tendon_lengthspring"] = model.tendon_lengthspring.at[chosen].set(places.ten_length[1, chosen, None])
@@ -75,8 +75,8 @@ def _forward_positions(model: mjx.Model, data: mjx.Data, qpos: Any) -> mjx.Data:
 
     The bodies of held links are at the positions that the model specifies.
     """
-    held = np.flatnonzero(model.body_mocapid >= 0)
-    data = data.replace(qpos=qpos, mocap_pos=model.body_pos[held], mocap_quat=model.body_quat[held])
+    mocap_bodies = np.flatnonzero(model.body_mocapid >= 0)
+    data = data.replace(qpos=qpos, mocap_pos=model.body_pos[mocap_bodies], mocap_quat=model.body_quat[mocap_bodies])
     return mjx.tendon(model, mjx.com_pos(model, mjx.kinematics(model, data)))
 
 
@@ -177,10 +177,10 @@ def principal_axes(matrix: Any) -> tuple[Any, Any]:
     _, quaternion = jax.lax.while_loop(lambda state: state[0] < MANY, turn_once, start)
     moments = jnp.diag(rotate_by(quaternion))
     for first, axis in ((0, 3), (1, 1), (0, 3)):
-        swaps, both = moments[first] < moments[first + 1], jnp.array([first, first + 1])
+        swaps, pair = moments[first] < moments[first + 1], jnp.array([first, first + 1])
         turn = jnp.zeros_like(quaternion).at[jnp.array([0, axis])].set(0.5 ** 0.5)
         quaternion = jnp.where(swaps, math.normalize(math.quat_mul(quaternion, turn)), quaternion)
-        moments = jnp.where(swaps, moments.at[both].set(moments[both[::-1]]), moments)
+        moments = jnp.where(swaps, moments.at[pair].set(moments[pair[::-1]]), moments)
     return moments, quaternion
 
 

@@ -219,7 +219,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
                 if is_due or not share:
                     plan.template.undo_changes()
                 plan.template.put(prepared, index)
-                model = plan.template.lend() if share else plan.template.model
+                model = plan.template.share_model() if share else plan.template.model
             if is_due and not self.confirms(model, self.run_passes(item[1]), item[1], self.cache_for(item[1])):
                 for wrong, _, _ in waiting[index:]:
                     yield self._compile_cached(wrong, share)

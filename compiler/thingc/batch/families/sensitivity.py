@@ -51,37 +51,38 @@ def results_by_function(patterns: Iterable[str], kinds: Mapping[str, str]) -> li
     results, tests = list[str](), dict[str, list[str]]()
     for text in patterns:
         if text.startswith(TEST) and "*" in text:
-            matching = [one for one, kind in kinds.items() if kind in TESTED and fnmatchcase(one, text[len(TEST):])]
-            tests.update((one, [TEST + one]) for one in matching or [text[len(TEST):]])
+            matching = [group for group, kind in kinds.items() if kind in TESTED and fnmatchcase(group, text[len(TEST):])]
+            tests.update((group, [TEST + group]) for group in matching or [text[len(TEST):]])
         elif text.startswith(TEST):
             tests.setdefault(text.split(".")[1], []).append(text)
         else:
             results.append(text.removesuffix(".*"))
-    return [one for one in (results, *tests.values()) if one]
+    return [group for group in (results, *tests.values()) if group]
 
 
 def sensitivities(
-    function: FamilyFunction, x: Mapping[str, float], kinds: Mapping[str, str], written: Mapping[str, ScalarNode],
+    function: FamilyFunction, x: Mapping[str, float], kinds: Mapping[str, str], nodes: Mapping[str, ScalarNode],
     alone: Callable[[str, str], FamilyFunction],
 ) -> Iterator[Sensitivity]:
     """Yield the derivative of each result of a function by each of its numbers, at the values `x`.
 
     If the derivatives cannot be computed together, each derivative is computed with the function that `alone(result, name)` returns.
-    `written` maps names to the nodes of the document that contain the numbers.
+    `nodes` maps names to the nodes of the document that contain the numbers.
     """
     point = np.array([x[name] for name in function.names])
     values = function.value(point)
-    found: dict[tuple[int, int], tuple[float, float, NotDifferentiable | None]] = {}
+    derivatives: dict[tuple[int, int], tuple[float, float, NotDifferentiable | None]] = {}
     try:
         jacobian = function.jacobian(point)
         assert jacobian.error is not None
-        found = {place: (float(one), float(error), None) for (place, one), error in zip(np.ndenumerate(jacobian), jacobian.error.flat)}
+        entries = zip(np.ndenumerate(jacobian), jacobian.error.flat)
+        derivatives = {place: (float(value), float(error), None) for (place, value), error in entries}
     except NotDifferentiable:
         pass
     for row, result in enumerate(function.outputs):
         for column, name in enumerate(function.names):
-            derivative, error, missing = found.get((row, column)) or _derivative(alone(result, name), x[name])
-            node = written.get(name)
+            derivative, error, missing = derivatives.get((row, column)) or _derivative(alone(result, name), x[name])
+            node = nodes.get(name)
             yield Sensitivity(
                 result=result, name=name, value=Quantity(float(values[row]), _dimension_of(result, kinds)),
                 number=Quantity(x[name], function.dimensions[column]), derivative=derivative, error=error,
@@ -103,8 +104,8 @@ def _derivative(function: FamilyFunction, x: float) -> tuple[float, float, NotDi
 
 
 def _dimension_of(result: str, kinds: Mapping[str, str]) -> Dimension:
-    words = result.split(".")
+    names = result.split(".")
     if not result.startswith(TEST):
         return dimension_of(result)
-    keys = TESTED[kinds[words[1]]]
-    return keys.get(words[-1], next(iter(keys.values())))
+    keys = TESTED[kinds[names[1]]]
+    return keys.get(names[-1], next(iter(keys.values())))

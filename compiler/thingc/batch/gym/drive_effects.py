@@ -53,10 +53,10 @@ class DriveEffects:
         """Compute all results for the current state, such as sensor values, without noise of the drives."""
         mujoco.mj_forward(self.model, data)
         if self.acts:
-            command, past = data.ctrl.copy(), data.history.copy()
+            command, history = data.ctrl.copy(), data.history.copy()
             self._apply(data, 0.0)
             mujoco.mj_forward(self.model, data)
-            data.ctrl[:], data.history[:] = command, past
+            data.ctrl[:], data.history[:] = command, history
 
     def _apply(self, data: mujoco.MjData, noise: Any) -> None:
         """Replace the controls that act in the next step. For a delayed drive, this control is the oldest of the past controls."""

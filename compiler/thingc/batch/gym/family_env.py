@@ -118,7 +118,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         variants document, also by its id or name. The world with the index k uses the seed `seed + k`. After `close`, this method raises
         gymnasium's `ClosedEnvironmentError`.
         """
-        self._open()
+        self._require_open()
         options = known_options(options, ("variant", "reset_mask"))
         mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)))
         if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
@@ -131,7 +131,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         for k in worlds:
             if self._sources[k] is None or seeds[k] is not None:
                 self._sources[k], _ = seeding.np_random(seeds[k])
-        self._begin(worlds, infos, options.get("variant"))
+        self._start_episodes(worlds, infos, options.get("variant"))
         self._ended[mask] = False
         return self._observations.copy(), infos
 
@@ -142,31 +142,31 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         action is applied. If a switch is refused, `infos["refused"]` contains the reason. With the autoreset mode `NextStep`, a world whose
         episode has ended ignores the action and starts a new episode. After `close`, this method raises `ClosedEnvironmentError`.
         """
-        self._open()
+        self._require_open()
         modes, actions = self._split(actions)
         if self._autoreset is AutoresetMode.DISABLED and self._ended.any():
             raise FamilyError(f"the episodes of the worlds {np.flatnonzero(self._ended).tolist()} have ended", "reset them")
         infos: dict[str, Any] = {}
         rewards = np.zeros(self.num_envs)
         terminated, truncated = np.zeros(self.num_envs, dtype=bool), np.zeros(self.num_envs, dtype=bool)
-        begun = np.flatnonzero(self._ended).tolist()
-        going = np.flatnonzero(~self._ended).tolist()
-        episodes = [self._world(k)[2] for k in going]
-        for k, episode in zip(going, episodes):
+        starting = np.flatnonzero(self._ended).tolist()
+        running = np.flatnonzero(~self._ended).tolist()
+        episodes = [self._world(k)[2] for k in running]
+        for k, episode in zip(running, episodes):
             episode.ask(actions[k], modes[k])
         self._simulate(episodes)
-        for k, episode in zip(going, episodes):
-            rewards[k], terminated[k], truncated[k], more = episode.judge()
-            self._see(k)
-            infos = self._add_info(infos, {**self._start_infos(k), **more}, k)
-        self._begin(begun, infos, None)
+        for k, episode in zip(running, episodes):
+            rewards[k], terminated[k], truncated[k], step_info = episode.judge()
+            self._observe(k)
+            infos = self._add_info(infos, {**self._start_infos(k), **step_info}, k)
+        self._start_episodes(starting, infos, None)
         self._ended = terminated | truncated
         if self._autoreset is AutoresetMode.SAME_STEP and self._ended.any():
-            again = np.flatnonzero(self._ended).tolist()
-            for k in again:
+            ended = np.flatnonzero(self._ended).tolist()
+            for k in ended:
                 last = {name: value[k] for name, value in infos.items() if not name.startswith("_") and infos[f"_{name}"][k]}
                 infos = self._add_info(infos, {"final_obs": self._observations[k].copy(), "final_info": last}, k)
-            self._begin(again, infos, None)
+            self._start_episodes(ended, infos, None)
             self._ended[:] = False
         return self._observations.copy(), rewards, terminated, truncated, infos
 
@@ -208,7 +208,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
 
     # --- implementation -------------------------------------------------------------------------------------------------
 
-    def _open(self) -> None:
+    def _require_open(self) -> None:
         """Raise `ClosedEnvironmentError` if `close` has been called. The error message is the same as in Gymnasium."""
         if self.closed:
             raise ClosedEnvironmentError(f"Trying to operate on `{type(self).__name__}`, after a call to `close()`.")
@@ -259,27 +259,27 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         else:
             list(self._pool.map(_run, [episodes[k:: self._threads] for k in range(self._threads)]))
 
-    def _begin(self, worlds: Sequence[int], infos: dict[str, Any], wanted: Any) -> None:
+    def _start_episodes(self, worlds: Sequence[int], infos: dict[str, Any], variant: Any) -> None:
         """Start a new episode in the given worlds. If drawn settings of a robot are refused, draw other settings.
 
-        Raises `FamilyError` if the settings of the variant `wanted` are refused, or if too many drawn settings are refused.
+        Raises `FamilyError` if the settings of the given variant are refused, or if too many drawn settings are refused.
         """
         refused: NoModel | None = None
-        for _ in range(DRAWS if wanted is None else 1):
-            drawn = [self._morphologies.draw(self._source(k), wanted) for k in worlds]
-            keys, again = [key for key, _ in drawn], []
+        for _ in range(DRAWS if variant is None else 1):
+            drawn = [self._morphologies.draw(self._source(k), variant) for k in worlds]
+            keys, remaining = [key for key, _ in drawn], []
             for k, key, morphology in zip(worlds, keys, self._morphologies.get_many(keys, [settings for _, settings in drawn])):
                 if isinstance(morphology, NoModel):
                     refused = morphology
                     self.refused[morphology.reason] += 1
-                    again.append(k)
+                    remaining.append(k)
                     continue
                 episode = self._morphologies.episode(morphology, self._worlds[k])
                 self._worlds[k] = (key, morphology, episode)
                 episode.begin(self._source(k), self._name(key), self._controls)
-                self._see(k)
+                self._observe(k)
                 self._add_info(infos, self._start_infos(k), k)
-            worlds = again
+            worlds = remaining
         if worlds and refused is not None:
             raise refusal(refused)
 
@@ -294,7 +294,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         assert source is not None
         return source
 
-    def _see(self, k: int) -> None:
+    def _observe(self, k: int) -> None:
         _, morphology, episode = self._world(k)
         row = self._observations[k]
         self._observer(episode, self._source(k), row)
@@ -326,8 +326,8 @@ def make_vec_env(
     are refused in succession. Also raises `UnknownVariant` for an unknown task or descriptor, `UnknownChoice` for an unknown mode, and
     `CompileError` for a document with errors.
     """
-    given = env_rules(options)
-    rules = replace(given, modes=as_names(modes=given.modes), descriptor=as_names(descriptor=given.descriptor))
+    raw_rules = env_rules(options)
+    rules = replace(raw_rules, modes=as_names(modes=raw_rules.modes), descriptor=as_names(descriptor=raw_rules.descriptor))
     threads = threads or os.cpu_count() or 1
     at_least(1, num_envs=num_envs, threads=threads)
     resetting = [mode.value for mode in AutoresetMode]

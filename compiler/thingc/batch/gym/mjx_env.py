@@ -168,15 +168,15 @@ class MjxEnv:
         data = [mjx.make_data(model) for model in models]
         first, model = self._worlds[0].family.mj_model, models[0]
         qpos, mocap = (first.key_qpos[0], (first.key_mpos[0], first.key_mquat[0])) if first.nkey else (first.qpos0, None)
-        away = jax.random.uniform(key, (first.nv,), minval=-self._noise, maxval=self._noise)
-        start = data[0].replace(qpos=_integrate_pos(model.jnt_type, jnp.asarray(qpos, away.dtype), away, jnp.asarray(1.0)))
+        offsets = jax.random.uniform(key, (first.nv,), minval=-self._noise, maxval=self._noise)
+        start = data[0].replace(qpos=_integrate_pos(model.jnt_type, jnp.asarray(qpos, offsets.dtype), offsets, jnp.asarray(1.0)))
         if mocap is not None and first.nmocap:
             start = start.replace(mocap_pos=jnp.asarray(mocap[0]).reshape(-1, 3), mocap_quat=jnp.asarray(mocap[1]).reshape(-1, 4))
         data[0] = mjx.forward(*self._worlds[0].family.put(model, start))
-        nothing, none = jnp.zeros(()), jnp.zeros((), dtype=bool)
-        seen = self._step_info(0, models[0], data[0], jnp.zeros(self.action_size), data[0].subtree_com[0])
+        nothing, false = jnp.zeros(()), jnp.zeros((), dtype=bool)
+        step_info = self._step_info(0, models[0], data[0], jnp.zeros(self.action_size), data[0].subtree_com[0])
         zero = jnp.zeros((), dtype=int)
-        return MjxState(tuple(data), zero, zero, jnp.asarray(self._observation(seen)), nothing, none, none, none)
+        return MjxState(tuple(data), zero, zero, jnp.asarray(self._observation(step_info)), nothing, false, false, false)
 
     def step(self, models: Sequence[mjx.Model], state: MjxState, action: jax.Array, mode: Any = 0) -> MjxState:
         """Apply an action to a robot, and return its new state. `mode` is the index of the mode to which the robot switches first.
@@ -186,31 +186,31 @@ class MjxEnv:
         the state of a new `reset`, use `jnp.where(state.terminated, ...)`.
         """
         action = jnp.clip(action, -1.0, 1.0)
-        before = jnp.stack([data.subtree_com[0] for data in state.data])[state.mode]
-        data, current, refused = self._switch(models, state, jnp.asarray(mode))
+        centre = jnp.stack([data.subtree_com[0] for data in state.data])[state.mode]
+        data, current, refused = self._switch_mode(models, state, jnp.asarray(mode))
         results = (state.observation, state.reward, state.terminated)
-        for number, (model, own) in enumerate(zip(models, data, strict=True)):
-            stepped = partial(self._step_mode, number, model, own, action, before)
-            data[number], results = _update(current == number, stepped, (own, results))
+        for number, (model, data_of_mode) in enumerate(zip(models, data, strict=True)):
+            stepped = partial(self._step_mode, number, model, data_of_mode, action, centre)
+            data[number], results = _update(current == number, stepped, (data_of_mode, results))
         steps = state.steps + 1
         return MjxState(tuple(data), current, steps, *results, steps >= self._max_steps, refused)
 
     # --- implementation -------------------------------------------------------------------------------------------------
 
-    def _switch(self, models: Sequence[mjx.Model], state: MjxState, wanted: Any) -> tuple[list[mjx.Data], Any, Any]:
-        """Switch the robot to the mode with the index `wanted`.
+    def _switch_mode(self, models: Sequence[mjx.Model], state: MjxState, mode: Any) -> tuple[list[mjx.Data], Any, Any]:
+        """Switch the robot to the mode with the index `mode`.
 
         Return the MJX data of all modes, the index of the current mode, and a flag that is True if the switch was refused.
         """
         data, refused = list(state.data), jnp.zeros((), dtype=bool)
         for number in range(len(self.modes) if len(self.modes) > 1 else 0):
-            enters = (wanted == number) & (state.mode != number)
+            enters = (mode == number) & (state.mode != number)
             old = {name: getattr(data[number], name) for name in ENTERED}
-            fields, refused = _update(enters, partial(self._enter, number, models, state), (old, refused))
+            fields, refused = _update(enters, partial(self._enter_mode, number, models, state), (old, refused))
             data[number] = data[number].replace(**fields)
-        return data, jnp.where(refused, state.mode, wanted), refused
+        return data, jnp.where(refused, state.mode, mode), refused
 
-    def _enter(self, number: int, models: Sequence[mjx.Model], state: MjxState) -> tuple[dict[str, jax.Array], jax.Array]:
+    def _enter_mode(self, number: int, models: Sequence[mjx.Model], state: MjxState) -> tuple[dict[str, jax.Array], jax.Array]:
         """Return the MJX data `ENTERED` of a mode after a switch to it from another mode, and whether the switch is refused."""
         new, model, data = self._worlds[number], models[number], state.data[number]
         others = [
@@ -219,7 +219,7 @@ class MjxEnv:
         place = jnp.where(state.mode > number, state.mode - 1, state.mode)  # in `others`
 
         def current(values: Iterable[Any]) -> Any:
-            return jax.tree_util.tree_map(lambda *each: jnp.stack(each)[place], *values)
+            return jax.tree_util.tree_map(lambda *leaves: jnp.stack(leaves)[place], *values)
 
         moved = current(change_root(robot, old.mode, new.mode, jnp, steps=STEPS) for old, robot, _ in others)
         robot, _, _ = enter(moved, new.mode, self._on_motion, inertias=new.inertias(model))
@@ -229,7 +229,7 @@ class MjxEnv:
         return {name: jnp.where(valid, getattr(entered, name), getattr(data, name)) for name in ENTERED}, ~valid
 
     def _step_mode(
-        self, number: int, model: mjx.Model, data: mjx.Data, action: jax.Array, before: jax.Array,
+        self, number: int, model: mjx.Model, data: mjx.Data, action: jax.Array, centre: jax.Array,
     ) -> tuple[mjx.Data, tuple[Any, Any, Any]]:
         """Simulate one action of a robot in a single mode.
 
@@ -240,17 +240,17 @@ class MjxEnv:
         model, data = world.family.put(model, data.replace(ctrl=low + (action[self._controls[number]] + 1.0) / 2.0 * (high - low)))
         data = jax.lax.scan(lambda own, _: (mjx.step(model, own), None), data, length=self._frame_skip)[0]
         data = mjx.forward(model, data)
-        info = self._step_info(number, model, data, action, before)
+        info = self._step_info(number, model, data, action, centre)
         unstable = ~jnp.isfinite(data.qpos).all()
         ended = unstable if self._terminated is None else unstable | self._terminated(info)
         return data, (jnp.asarray(self._observation(info)), jnp.where(unstable, 0.0, self._reward(info)), ended)
 
-    def _step_info(self, number: int, model: mjx.Model, data: mjx.Data, action: jax.Array, before: jax.Array) -> MjxStep:
+    def _step_info(self, number: int, model: mjx.Model, data: mjx.Data, action: jax.Array, centre: jax.Array) -> MjxStep:
         world, seconds = self._worlds[number], model.opt.timestep * self._frame_skip
         root = world.family.mj_model.body(self._worlds[0].mode.root_link).id
         down = data.xmat[root].T @ model.opt.gravity
         size = jnp.linalg.norm(model.opt.gravity)
-        velocity = (data.subtree_com[0] - before) / seconds
+        velocity = (data.subtree_com[0] - centre) / seconds
         return MjxStep(data, world.read(model, data), number, action, velocity, down / jnp.where(size == 0.0, 1.0, size))
 
 
@@ -321,13 +321,13 @@ class _World:
         return inertias_in(model, self._inertias, jnp)
 
     def accelerations(self, values: jax.Array, new: _World) -> jax.Array:
-        """Convert the joint accelerations with which MuJoCo's solver starts from this mode to the mode `new`.
+        """Convert the accelerations `qacc_warmstart` of this mode, with which MuJoCo's solver starts, to those of the mode `new`.
 
         The accelerations of the base are set to 0.
         """
-        pairs = [(own[1], new.map.joints[name][1]) for name, own in self.map.joints.items() if name in new.map.joints]
-        here, there = np.array(pairs, dtype=int).reshape(-1, 2).T
-        return jnp.zeros(new.family.mj_model.nv, values.dtype).at[there].set(values[here])
+        pairs = [(joint[1], new.map.joints[name][1]) for name, joint in self.map.joints.items() if name in new.map.joints]
+        old_rows, new_rows = np.array(pairs, dtype=int).reshape(-1, 2).T
+        return jnp.zeros(new.family.mj_model.nv, values.dtype).at[new_rows].set(values[old_rows])
 
 
 @custom_vmap

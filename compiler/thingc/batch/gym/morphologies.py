@@ -46,7 +46,7 @@ class Morphology:
 
     def __init__(self, simulations: Sequence[ModeSimulation], robot: Modes | None, settings: Settings, described: Array) -> None:
         self.simulations = simulations
-        self.models = [one.model for one in simulations]
+        self.models = [simulation.model for simulation in simulations]
         self.robot = robot
         self.settings = settings
         self.described = described
@@ -73,10 +73,10 @@ class Morphologies:
         self._rules = rules
         self.modes = rules.modes or (family.mode if rules.mode is None else rules.mode,)
         self._descriptor = Descriptor(family, rules.descriptor)
-        self._kept: OrderedDict[Any, Morphology | NoModel] = OrderedDict()
+        self._cached: OrderedDict[Any, Morphology | NoModel] = OrderedDict()
         if choices.many:
-            self._likely = np.full(len(choices.many), 1.0 / len(choices.many)).cumsum()  # as in `choice` of numpy
-            self._likely /= self._likely[-1]
+            self._cumulative = np.full(len(choices.many), 1.0 / len(choices.many)).cumsum()  # as in `choice` of numpy
+            self._cumulative /= self._cumulative[-1]
         self._first: Morphology | None = None
         self.actuators: Sequence[str] = ()
         for key, settings in enumerate(choices.many or ({},)):
@@ -87,48 +87,45 @@ class Morphologies:
             raise refusal(first)
         self._first = self.first = first
 
-    def draw(self, source: np.random.Generator, wanted: Any) -> tuple[Any, Settings]:
-        """Draw the settings of a robot, or return the settings of the variant `wanted`.
-
-        The first returned value is the key of the settings in the cache.
-        """
+    def draw(self, source: np.random.Generator, variant: Any) -> tuple[Any, Settings]:
+        """Draw the settings of a robot, or select those of the given variant. Return their key in the cache, and the settings."""
         if self.choices.draw is not None:
-            if wanted is not None:
-                raise UnknownVariant(f"variant `{wanted}` cannot be selected, because a function draws the settings")
+            if variant is not None:
+                raise UnknownVariant(f"variant `{variant}` cannot be selected, because a function draws the settings")
             settings = self.choices.draw(source)
             return settings_key(settings), settings
-        place = int(self._likely.searchsorted(source.random(), side="right"))  # always draw, so that options do not change later draws
-        if wanted is not None:
-            place = self._place(wanted)
+        place = int(self._cumulative.searchsorted(source.random(), side="right"))  # always draw, so that options do not change later draws
+        if variant is not None:
+            place = self._index_of(variant)
         return place, self.choices.many[place]
 
-    def _place(self, wanted: Any) -> int:
+    def _index_of(self, variant: Any) -> int:
         ids, names, count = self.choices.ids, self.choices.names, len(self.choices.many)
-        if isinstance(wanted, str) and wanted in ids:
-            return list(ids).index(wanted)
-        if isinstance(wanted, str) and wanted in names:
-            return list(names).index(wanted)
-        if isinstance(wanted, bool) or not isinstance(wanted, Integral) or not -count <= int(wanted) < count:
-            known = did_you_mean(wanted, names, what="variants") if isinstance(wanted, str) and names else f"there are {count}"
-            raise UnknownVariant(f"there is no variant `{wanted}`", known)
-        return int(wanted) % count
+        if isinstance(variant, str) and variant in ids:
+            return list(ids).index(variant)
+        if isinstance(variant, str) and variant in names:
+            return list(names).index(variant)
+        if isinstance(variant, bool) or not isinstance(variant, Integral) or not -count <= int(variant) < count:
+            known = did_you_mean(variant, names, what="variants") if isinstance(variant, str) and names else f"there are {count}"
+            raise UnknownVariant(f"there is no variant `{variant}`", known)
+        return int(variant) % count
 
-    def get_many(self, keys: Sequence[Any], many: Sequence[Settings]) -> list[Morphology | NoModel]:
+    def get_many(self, keys: Sequence[Any], settings_of_robots: Sequence[Settings]) -> list[Morphology | NoModel]:
         """Return the robot for each set of settings. Robots in the cache are reused. For refused settings, the list contains a `NoModel`.
 
         `keys` contains the cache keys of the settings. Raises `FamilyError` if the model of a robot has different sizes than the model of
         the first robot.
         """
-        new = {key: settings for key, settings in zip(keys, many) if key not in self._kept}
+        new = {key: settings for key, settings in zip(keys, settings_of_robots) if key not in self._cached}
         rules = self._rules
         models = [self._family.models(new.values(), mode=mode, visual=rules.shows_visual, floor=rules.floor) for mode in self.modes]
-        for (key, settings), *own in zip(new.items(), *models):
-            self._kept[key] = self._morphology(settings, own)
-        morphologies = [self._kept[key] for key in keys]
+        for (key, settings), *models_of_robot in zip(new.items(), *models):
+            self._cached[key] = self._morphology(settings, models_of_robot)
+        morphologies = [self._cached[key] for key in keys]
         for key in keys:
-            self._kept.move_to_end(key)
-        while len(self._kept) > rules.cache:
-            self._kept.popitem(last=False)
+            self._cached.move_to_end(key)
+        while len(self._cached) > rules.cache:
+            self._cached.popitem(last=False)
         return morphologies
 
     def _morphology(self, settings: Settings, models: Sequence[mujoco.MjModel | NoModel]) -> Morphology | NoModel:
@@ -145,23 +142,23 @@ class Morphologies:
             ModeSimulation(mode, model, np.arange(model.nu) if robot is None else self._controls(model), undelayed=undelayed)
             for mode, model in zip(self.modes, built, strict=True)
         ]
-        made = Morphology(simulations, robot, settings, self._descriptor(settings))
-        for mode, mine, others in zip(self.modes, made.sizes, made.sizes if self._first is None else self._first.sizes):
+        morphology = Morphology(simulations, robot, settings, self._descriptor(settings))
+        for mode, mine, others in zip(self.modes, morphology.sizes, morphology.sizes if self._first is None else self._first.sizes):
             if mine != others:
                 sizes = [f"nq, nv, nu = {', '.join(map(str, one))}" for one in (mine, others)]
                 raise FamilyError(f"in mode `{mode}` the settings {dict(settings)} have {sizes[0]}, but other settings have {sizes[1]}")
-        return made
+        return morphology
 
-    def episode(self, morphology: Morphology, before: tuple[Any, Morphology, Episode] | None) -> Episode:
+    def episode(self, morphology: Morphology, previous: tuple[Any, Morphology, Episode] | None) -> Episode:
         """Create an episode of a robot.
 
-        If the models of both robots have the same layout, the `MjData` of the episode `before` are reused.
+        If the models of both robots have the same layout, the `MjData` of the episode `previous` are reused.
         """
         import mujoco
 
         states: Sequence[mujoco.MjData]
-        if before is not None and before[1].layout == morphology.layout:
-            states = before[2].states
+        if previous is not None and previous[1].layout == morphology.layout:
+            states = previous[2].states
         else:
             states = [mujoco.MjData(model) for model in morphology.models]
         return Episode(morphology.simulations, states, morphology.settings, self._rules, morphology.robot)
@@ -179,19 +176,19 @@ def distribution(family: RobotFamily, settings: Iterable[Settings] | Draw | None
     if callable(settings):
         return MorphologyDistribution(draw=settings)
     if settings is not None:
-        many = list(as_many(settings))
-        if not many:
+        listed = list(as_many(settings))
+        if not listed:
             raise FamilyError("expected at least one item in `settings`")
-        return MorphologyDistribution(many=[dict(settings_key(one)) for one in many])
+        return MorphologyDistribution(many=[dict(settings_key(one)) for one in listed])
     variants = list(family.variants)
     if not variants:
         return MorphologyDistribution(many=[{}])
     planned = [variant for variant in variants if variant.failed is None]
-    kept = [variant for variant, evaluated in zip(planned, family.evaluate(planned)) if evaluated.kept]
-    if not kept:
+    valid = [variant for variant, evaluated in zip(planned, family.evaluate(planned)) if evaluated.kept]
+    if not valid:
         raise FamilyError(f"`{family.name}` has no valid variants that satisfy the rules", "use `settings` to list settings")
     return MorphologyDistribution(
-        many=[{**one.parameters, **one.choices} for one in kept], ids=[one.id for one in kept], names=[one.name for one in kept],
+        many=[{**one.parameters, **one.choices} for one in valid], ids=[one.id for one in valid], names=[one.name for one in valid],
     )
 
 

@@ -69,25 +69,25 @@ class Observer:
 
     def __init__(self, terms: Sequence[str] | str | None, noise: float | Mapping[str, float], example: Episode) -> None:
         names = (ALONE if example.robot is None else SWITCHED) if terms is None else as_names(observation=terms)
-        given = noise if isinstance(noise, Mapping) else {name: noise for name in names if name not in EXACT}
-        for name in (*names, *given):
+        noise_by_term = noise if isinstance(noise, Mapping) else {name: noise for name in names if name not in EXACT}
+        for name in (*names, *noise_by_term):
             if name not in TERMS:
                 raise UnknownVariant(f"there is no observation `{name}`", did_you_mean(str(name), TERMS, what="observations"))
-        for name, value in given.items():
+        for name, value in noise_by_term.items():
             if not is_number(value) or not 0.0 <= value < np.inf:
                 raise FamilyError(f"expected `observation_noise` to be numbers of at least 0, found {value} for `{name}`")
         self._names = names
         lengths = [len(TERMS[name](example)) for name in names]
         self.length = sum(lengths)
-        self._noise: Any = np.repeat([float(given.get(name, 0.0)) for name in names], lengths)
+        self._noise: Any = np.repeat([float(noise_by_term.get(name, 0.0)) for name in names], lengths)
 
     def __call__(self, episode: Episode, source: np.random.Generator, row: Array) -> None:
         """Write the observation of an episode into the array `row`.
 
         Raises `FamilyError` if the size of this observation differs from the size of other observations.
         """
-        seen = np.concatenate([TERMS[name](episode) for name in self._names])
-        if len(seen) != self.length:
+        values = np.concatenate([TERMS[name](episode) for name in self._names])
+        if len(values) != self.length:
             mode = episode.simulations[episode.mode].name
-            raise FamilyError(f"the observation has {len(seen)} numbers in mode `{mode}`, but {self.length} numbers in the first mode")
-        row[: self.length] = seen + source.uniform(-self._noise, self._noise) if self._noise.any() else seen
+            raise FamilyError(f"the observation has {len(values)} numbers in mode `{mode}`, but {self.length} numbers in the first mode")
+        row[: self.length] = values + source.uniform(-self._noise, self._noise) if self._noise.any() else values

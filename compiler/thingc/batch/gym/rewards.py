@@ -83,9 +83,9 @@ class Descriptor:
         for name in names:
             if name not in known:
                 raise UnknownVariant(f"`{family.name}` has no setting `{name}`", did_you_mean(str(name), known, what="names"))
-            one = family.space[name]
-            numbers = [value for value in one.choices if isinstance(value, int | float)] or [one.low, one.high]
-            if None in numbers or len(numbers) < len(one.choices):
+            dimension = family.space[name]
+            numbers = [value for value in dimension.choices if isinstance(value, int | float)] or [dimension.low, dimension.high]
+            if None in numbers or len(numbers) < len(dimension.choices):
                 raise FamilyError(f"expected `{name}` to be a number between bounds")
             spans.append((min(numbers), max(numbers)))
         self._family = family

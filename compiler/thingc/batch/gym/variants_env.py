@@ -75,9 +75,9 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         if seed is None:
             seed, self._seed = self._seed, None
         super().reset(seed=seed)
-        wanted = known_options(options, ("variant",)).get("variant")
+        variant_key = known_options(options, ("variant",)).get("variant")
         place = self.np_random.choice(len(self.family), p=self._weights)  # always draw, so that options do not change later draws
-        self.variant = self.family[int(place) if wanted is None else wanted]
+        self.variant = self.family[int(place) if variant_key is None else variant_key]
         episode = self._of(self.variant)
         episode.begin(self.np_random, self.variant.name)
         return self._observation(episode), {"variant": self.variant.id}
@@ -110,11 +110,11 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
 
     def _observation(self, episode: Episode) -> Array:
         model, data = episode.model, episode.data
-        seen = np.zeros(self._length)
-        seen[: model.nq] = data.qpos
-        seen[self.sizes.nq: self.sizes.nq + model.nv] = data.qvel
-        seen[self.sizes.nq + self.sizes.nv:] = self._descriptors[episode.variant.id]
-        return seen
+        observation = np.zeros(self._length)
+        observation[: model.nq] = data.qpos
+        observation[self.sizes.nq: self.sizes.nq + model.nv] = data.qvel
+        observation[self.sizes.nq + self.sizes.nv:] = self._descriptors[episode.variant.id]
+        return observation
 
     def _new_episode(self, variant: BuiltVariant) -> Episode:
         """Create an episode that simulates a variant."""

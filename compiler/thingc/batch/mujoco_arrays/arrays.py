@@ -28,18 +28,18 @@ _PLANE = 0.1
 class Statistics:
     """Computes the field `stat` of a MuJoCo model for many variants that differ only in numbers.
 
-    `stated` contains the statistics that the XML specifies.
+    `specified` contains the names of the statistics that the XML specifies.
     """
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, stated: Collection[str] = ()) -> None:
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, specified: Collection[str] = ()) -> None:
         import mujoco
         import numpy as np
 
         bodies = range(1, model.nbody)
         ends = [(int(body), int(model.body_parentid[body])) for body in model.jnt_bodyid]
-        joints = [(body, j) for j, both in enumerate(ends) for body in both]
+        joints = [(body, j) for j, joint_ends in enumerate(ends) for body in joint_ends]
         geoms = [(int(model.geom_bodyid[g]), g) for g in range(model.ngeom) if model.geom_rbound[g] > 0 and model.geom_bodyid[g] > 0]
-        joints = [one for one in joints if one[0] > 0]
+        joints = [owner_and_joint for owner_and_joint in joints if owner_and_joint[0] > 0]
         owners = np.array([body for body, _ in (*joints, *geoms)] + list(bodies), dtype=int)
         self._order = np.argsort(owners, kind="stable")
         self._starts = np.searchsorted(owners[self._order], np.array(bodies, dtype=int))
@@ -47,17 +47,17 @@ class Statistics:
         self._geoms = np.array([g for _, g in geoms], dtype=int)
         self._owners = owners[: len(joints) + len(geoms)]
         self._rbound = model.geom_rbound[self._geoms]
-        around = np.maximum(model.geom_rbound, 0.0)
+        radii = np.maximum(model.geom_rbound, 0.0)
         for g in np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE):
-            around[g] = 0.1 * (float(max(model.geom_size[g, :2])) or _PLANE)
-        self._around = around[:, None, None]
+            radii[g] = 0.1 * (float(max(model.geom_size[g, :2])) or _PLANE)
+        self._radii = radii[:, None, None]
 
-        self._stat, self._stated = model.stat, stated
+        self._stat, self._specified = model.stat, specified
         self._count, self._nv = len(bodies), int(model.nv)
         self._places = (data.xanchor, data.xipos, data.geom_xpos, data.xpos, data.site_xpos)
         self._inertia = model.dof_M0
 
-    def room(self, variants: int) -> Places:
+    def allocate(self, variants: int) -> Places:
         """Create arrays for the positions of joint anchors, centres of mass, geoms, bodies and sites, which the method `note` fills.
 
         Each array has the shape (number of elements, variants, 3) [m].
@@ -66,7 +66,7 @@ class Statistics:
 
         return [np.empty((len(place), variants, 3)) for place in self._places]
 
-    def note(self, places: Places, variant: int) -> None:
+    def store_positions(self, places: Places, variant: int) -> None:
         """Copy the positions of the elements of one variant into the arrays `places`. The `MjData` of the variant must be at `qpos0`."""
         for kind, place in zip(places, self._places):
             kind[:, variant] = place
@@ -88,14 +88,14 @@ class Statistics:
         for body, largest in enumerate(np.maximum.reduceat(sizes[self._order], self._starts), start=1):  # in the same order as MuJoCo
             meansize += largest / self._count
             mass += masses[:, body]
-        box = np.concatenate((bodies[1:], centres[1:], anchors, sites, shapes - self._around, shapes + self._around))
+        box = np.concatenate((bodies[1:], centres[1:], anchors, sites, shapes - self._radii, shapes + self._radii))
         low, high = box.min(axis=0), box.max(axis=0)
         extent = np.maximum(np.maximum(_LEAST, (high - low).max(axis=1)), 2 * meansize)
         columns = {
             "center": list((low + high) * 0.5), "extent": extent.tolist(), "meansize": meansize.tolist(),
             "meanmass": (mass / self._count).tolist(),
         }
-        return {name: values * (len(masses) // len(values)) for name, values in columns.items() if name not in self._stated}
+        return {name: values * (len(masses) // len(values)) for name, values in columns.items() if name not in self._specified}
 
     def write(self, values: Mapping[str, list[Any]], index: int) -> None:
         """Write the statistics of the variant with this index to the `stat` field of the model.
@@ -104,10 +104,10 @@ class Statistics:
         """
         for name, column in values.items():
             setattr(self._stat, name, column[index])
-        if self._nv and "meaninertia" not in self._stated:
+        if self._nv and "meaninertia" not in self._specified:
             inertia = 0.0
-            for one in self._inertia.tolist():
-                inertia += one
+            for element in self._inertia.tolist():
+                inertia += element
             self._stat.meaninertia = inertia / self._nv
 
 
@@ -152,26 +152,26 @@ class Arrays:
         self._recomputes = affect_constants(self.written, self.model)
         self._data = mujoco.MjData(self.model)
         self._first = copy.copy(self.model)  # callers never get this model, so callers cannot modify it
-        self._placed = mujoco.MjData(self._first)
-        stated = {name for element in root.iter("statistic") for name in element.attrib}
-        self._statistics = Statistics(self.model, self._placed, stated)
-        self._is_lent = False
+        self._first_data = mujoco.MjData(self._first)
+        specified = {name for element in root.iter("statistic") for name in element.attrib}
+        self._statistics = Statistics(self.model, self._first_data, specified)
+        self._is_shared = False
         self._small: dict[int, Bodies] = {}
         self._geoms = [self._colliding(int(body)) for body in self._numbers.bodies]
 
-    def lend(self) -> mujoco.MjModel:
+    def share_model(self) -> mujoco.MjModel:
         """Return the compiled model itself instead of a copy.
 
         The caller can modify the model, and `undo_changes` undoes these modifications.
         """
-        self._is_lent = True
+        self._is_shared = True
         return self.model
 
     def undo_changes(self) -> None:
         """Undo the modifications of callers, so that `put` creates the exact model of a variant."""
-        if self._is_lent:
+        if self._is_shared:
             restore(self.model, self._first)
-        self._is_lent = False
+        self._is_shared = False
 
     def _colliding(self, body: int) -> Array:
         """Return the indices of the colliding geoms of a body, followed by -1. Return an empty array if the body has no colliding geoms."""
@@ -204,12 +204,12 @@ class Arrays:
         if not self._recomputes:
             return Prepared(plain, options, None)
         placing = [(getattr(first, field).reshape(-1), at, block) for field, _, at, block in writes if field in PLACING]
-        places = self._statistics.room(count if placing else 1)
+        places = self._statistics.allocate(count if placing else 1)
         for index in range(count if placing else 1):
             for target, at, block in placing:
                 target[at] = block[index]
-            mujoco.mj_kinematics(first, self._placed)
-            self._statistics.note(places, index)
+            mujoco.mj_kinematics(first, self._first_data)
+            self._statistics.store_positions(places, index)
         return Prepared(plain, options, self._statistics.of(places, masses))
 
     def _inertial_writes(self, inertials: Array) -> list[tuple[str, Array, Array, Array]]:
@@ -224,7 +224,7 @@ class Arrays:
         small = self._small.get(copies)
         if small is None:
             small = self._small[copies] = Bodies(self._text, self._assets, self._numbers.names, copies)
-        worked = small.work_out(inertials)
+        worked = small.compute_inertials(inertials)
         writes = []
 
         def write(field: str, rows: Array, block: Array) -> None:
@@ -289,26 +289,26 @@ class Bodies:
         used: set[str] = set()
         top = root.find("worldbody/body")
         assert top is not None
-        own = {body.get("name"): body for body in root.iter("body")}
+        bodies = {body.get("name"): body for body in root.iter("body")}
         for name in names:
-            geoms = [geom for geom in own[name].findall("geom") if geom.get("class") != "visual"]
+            geoms = [geom for geom in bodies[name].findall("geom") if geom.get("class") != "visual"]
             used.update(geom.get("mesh", "") for geom in geoms)
             for index in range(copies):
                 body = ElementTree.SubElement(world, "body", {"name": f"{name}#{index}", "childclass": top.get("childclass", "")})
-                body.extend(copy.copy(one) for one in own[name].findall("inertial"))
+                body.extend(copy.copy(inertial) for inertial in bodies[name].findall("inertial"))
                 for geom in geoms:
                     body.append(Element("geom", {key: value for key, value in geom.attrib.items() if key not in ("name", "material")}))
         meshes = ElementTree.Element("asset")
         meshes.extend(mesh for mesh in root.iterfind("asset/mesh") if mesh.get("name") in used)
         small.insert(len(small) - 1, meshes)
-        kept = {file: assets[file] for mesh in meshes if (file := mesh.get("file"))}  # prisms do not have a file
+        mesh_files = {file: assets[file] for mesh in meshes if (file := mesh.get("file"))}  # prisms do not have a file
         self.names = tuple(names)
         self.copies = copies
-        self._spec = mujoco.MjSpec.from_string(ElementTree.tostring(small, encoding="unicode"), assets=kept)
+        self._spec = mujoco.MjSpec.from_string(ElementTree.tostring(small, encoding="unicode"), assets=mesh_files)
         self._spec.compiler.usethread = False
         self._bodies = [self._spec.body(f"{name}#{index}") for name in names for index in range(copies)]
 
-    def work_out(self, inertials: Array) -> BodyArrays:
+    def compute_inertials(self, inertials: Array) -> BodyArrays:
         """Compute the principal axes and the aligned bounding boxes of the bodies of several variants.
 
         The number of variants must not exceed the number of copies. `inertials` (variants, bodies, 10) contains the mass, the centre of

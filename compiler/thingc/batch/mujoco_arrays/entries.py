@@ -115,13 +115,13 @@ class NumberPlaces:
         }
         self.names = list(inertials)
         self.bodies = np.array([model.body(name).id for name in inertials], dtype=int)
-        words = [word for said in inertials.values() for some in said for word in some]
-        self.constants = np.array([0.0 if word in tokens else float(word) for word in words])
-        self.inertials = np.array([tokens.get(word, len(tokens) + k) for k, word in enumerate(words)], dtype=int).reshape(-1, 10)
-        self.relaxed = [model.tendon(one.get("name", "")).id for one in root.iterfind("tendon/*") if "springlength" not in one.attrib]
+        texts = [text for properties in inertials.values() for attribute in properties for text in attribute]
+        self.constants = np.array([0.0 if text in tokens else float(text) for text in texts])
+        self.inertials = np.array([tokens.get(text, len(tokens) + k) for k, text in enumerate(texts)], dtype=int).reshape(-1, 10)
+        self.relaxed = [model.tendon(item.get("name", "")).id for item in root.iterfind("tendon/*") if "springlength" not in item.attrib]
 
     def add_mass_fields(self, fields: Collection[str]) -> frozenset[str]:
-        """Add the fields with mass properties to the names of fields, if mass properties depend on numbers."""
+        """Return `fields`, together with the names of all fields with mass properties if mass properties depend on numbers."""
         return frozenset(fields) | frozenset(INERTIAL if self.names else ())
 
 
@@ -144,17 +144,17 @@ def places(
     inertials: dict[str, list[list[str]]] = {}
     for element, above in walk(root):
         for attribute, value in element.attrib.items():
-            words = value.split()
-            if not any(word in tokens for word in words):
+            numbers = value.split()
+            if not any(number in tokens for number in numbers):
                 continue
             if element.tag == "inertial":
                 if "fullinertia" not in element.attrib:
                     raise NotAnArrayEntry(f"inertial.{attribute}")
                 inertials[above.get("name", "")] = [element.get(name, "").split() for name in ("mass", "pos", "fullinertia")]
                 continue
-            for k, word in enumerate(words):
-                if word in tokens:
-                    entries += [(tokens[word], place) for place in _places(model, element, above, attribute, k, geometry)]
+            for k, number in enumerate(numbers):
+                if number in tokens:
+                    entries += [(tokens[number], place) for place in _places(model, element, above, attribute, k, geometry)]
     return entries, inertials
 
 
@@ -178,8 +178,8 @@ def _places(model: Any, element: Element, above: Element, attribute: str, k: int
     if owner is None or not name:
         raise unknown
     if tag in _TENDONS and attribute in _TENDON:
-        both = attribute == "springlength" and len(element.get(attribute, "").split()) == 1
-        return [_at(model, _TENDON[attribute], owner.id, column) for column in ((0, 1) if both else (k,))]
+        pair = attribute == "springlength" and len(element.get(attribute, "").split()) == 1
+        return [_at(model, _TENDON[attribute], owner.id, column) for column in ((0, 1) if pair else (k,))]
     if tag == "joint" and element.get("joint1") is not None:
         if attribute != "polycoef":
             raise unknown

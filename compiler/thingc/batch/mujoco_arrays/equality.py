@@ -61,10 +61,10 @@ def owner_of(model: Any, name: str) -> tuple[Any, str]:
 
 def digest(model: mujoco.MjModel, chosen: Callable[[str], bool]) -> bytes:
     """Return a digest of the fields of a model for whose names `chosen` returns True."""
-    made = hashlib.sha256()
+    hasher = hashlib.sha256()
     for name in filter(chosen, names(model)):
-        made.update(name.encode() + content(model, name))
-    return made.digest()
+        hasher.update(name.encode() + content(model, name))
+    return hasher.digest()
 
 
 def content(model: Any, name: str) -> bytes:

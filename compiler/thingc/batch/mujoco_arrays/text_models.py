@@ -62,20 +62,20 @@ class TextModels:
         With `share`, several yielded models can be the same object. With `share`, a model is valid only until the next model is requested.
         """
         texts = iter(many)
-        while some := list(islice(texts, TOGETHER)):
-            pieces = [one.text.split('"') for one in some]
+        while chunk := list(islice(texts, TOGETHER)):
+            pieces = [model_text.text.split('"') for model_text in chunk]
             groups: dict[_Kind, list[int]] = {}
-            for index, one in enumerate(some):
-                groups.setdefault(self._kind(one, pieces[index]), []).append(index)
+            for index, model_text in enumerate(chunk):
+                groups.setdefault(self._kind(model_text, pieces[index]), []).append(index)
             ready = {
                 index: (kind, prepared, k) for kind, members in groups.items()
                 if (prepared := kind.prepare([pieces[index] for index in members])) is not None for k, index in enumerate(members)
             }
-            for index, one in enumerate(some):
-                made = ready[index][0].put(one, *ready[index][1:], share=share) if index in ready else None
-                yield one.compiled() if made is None else made if share else copy.copy(made)
+            for index, model_text in enumerate(chunk):
+                model = ready[index][0].put(model_text, *ready[index][1:], share=share) if index in ready else None
+                yield model_text.compiled() if model is None else model if share else copy.copy(model)
 
-    def _kind(self, one: ModelText, pieces: Sequence[str]) -> _Kind:
+    def _kind(self, model_text: ModelText, pieces: Sequence[str]) -> _Kind:
         """Return the kind to which a model belongs. Two models of the same kind differ only in numbers."""
         if len(self._shapes) > SHAPES:
             self._shapes.clear()
@@ -83,10 +83,10 @@ class TextModels:
         for piece in pieces[1::2]:
             if piece not in shapes:
                 shapes[piece] = len(piece.split()) if _NUMBERS.fullmatch(piece) else piece
-        key = (one.meshes, *pieces[::2], *(shapes[piece] for piece in pieces[1::2]))
+        key = (model_text.meshes, *pieces[::2], *(shapes[piece] for piece in pieces[1::2]))
         kind = self._kinds.get(key)
         if kind is None:
-            kind = self._kinds[key] = _Kind(one, pieces)
+            kind = self._kinds[key] = _Kind(model_text, pieces)
             if len(self._kinds) > KINDS:
                 self._kinds.popitem(last=False)
         self._kinds.move_to_end(key)
@@ -105,7 +105,7 @@ class _Kind:
         self._gaps: list[int] = []
         self._arrays: Arrays | None = None
         self._slow = False
-        self._seen = self._made = 0
+        self._seen = self._computed = 0
 
     def prepare(self, texts: Sequence[Sequence[str]]) -> Prepared | None:
         """Compute the array elements of several models of this kind. Return None if these models must be compiled."""
@@ -124,22 +124,22 @@ class _Kind:
             pass
         return None
 
-    def put(self, one: ModelText, prepared: Prepared, index: int, *, share: bool) -> mujoco.MjModel | None:
+    def put(self, model_text: ModelText, prepared: Prepared, index: int, *, share: bool) -> mujoco.MjModel | None:
         """Return the model with the given index in `prepared`, or None if this model must be compiled.
 
         With `share`, the returned model is shared. Without `share`, the caller must copy the returned model.
         """
         if self._slow or self._arrays is None:
             return None
-        self._made += 1
-        is_due = self._made & (self._made - 1) == 0
+        self._computed += 1
+        is_due = self._computed & (self._computed - 1) == 0
         if is_due or not share:
             self._arrays.undo_changes()
         self._arrays.put(prepared, index)
-        if is_due and different_fields(self._arrays.model, one.compiled()):
+        if is_due and different_fields(self._arrays.model, model_text.compiled()):
             self._slow = True
             return None
-        return self._arrays.lend() if share else self._arrays.model
+        return self._arrays.share_model() if share else self._arrays.model
 
     def _with_attributes(self, others: Iterable[int]) -> Arrays:
         """Return an `Arrays` object for which further attributes of the XML can have different numbers."""
@@ -147,12 +147,12 @@ class _Kind:
         tokens: dict[str, int] = {}
         tokened = self._pieces.copy()
         for k in self._gaps:
-            words = {f"#{len(tokens) + w}": len(tokens) + w for w in range(len(tokened[k].split()))}
-            tokens |= words
-            tokened[k] = " ".join(words)
+            tokens_of_attribute = {f"#{len(tokens) + w}": len(tokens) + w for w in range(len(tokened[k].split()))}
+            tokens |= tokens_of_attribute
+            tokened[k] = " ".join(tokens_of_attribute)
         first = self._first
         return Arrays('"'.join(tokened), tokens, first.text, first.assets(), lambda text: first.compiled())
 
     def _numbers(self, pieces: Sequence[str]) -> tuple[float, ...]:
         """Return the numbers in the XML text of a model, in the order of their tokens."""
-        return tuple(float(word) for k in self._gaps for word in pieces[k].split())
+        return tuple(float(number) for k in self._gaps for number in pieces[k].split())

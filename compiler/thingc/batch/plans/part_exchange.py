@@ -232,7 +232,7 @@ class Exchange:
         return Exchanged(numbers=tuple(walk.numbers), names=names, assets={**self._fixed_meshes, **own_meshes})
 
     def _definitions_at(self, values: Sequence[float]) -> list[PartDefinition]:
-        """Return all part definitions of the traced compilation, with the numbers `given` in place of the traced numbers."""
+        """Return all part definitions of the traced compilation, with `values` in place of the traced numbers."""
         numbers = iter(values)
         return [self._make_definition(definition, numbers) if numbers_of(definition) else definition for definition in self._definitions]
 

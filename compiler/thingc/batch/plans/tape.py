@@ -263,10 +263,7 @@ def variables_of(tape: Tape, number: Traced) -> list[int]:
 
 
 def lines_needed(tape: Tape, references: Sequence[Any]) -> set[int]:
-    """Return the indices of all lines of the tape that are needed to compute the references in `wanted`.
-
-    Constants in `wanted` are ignored.
-    """
+    """Return the indices of all lines of the tape that are needed to compute `references`. Constants in `references` are ignored."""
     needed: set[int] = set()
     waiting = [int(reference) for reference in references if isinstance(reference, Ref)]
     while waiting:

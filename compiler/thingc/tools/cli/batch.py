@@ -26,7 +26,7 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import shown_path
 from thingc.base.one_line_repr import format_count
 from thingc.batch.build_records import find_variant, in_order
-from thingc.batch.folder import FOLDERS, PACKED, BatchFault, in_words, lock_folder, read_description
+from thingc.batch.folder import FOLDERS, PACKED, BatchFault, explain_os_error, lock_folder, read_description
 from thingc.batch.packed_layout import CHUNK
 from thingc.batch.page import show_again
 from thingc.batch.pictures import ALL, MANY, MOST
@@ -285,7 +285,7 @@ def _unpack(arguments: argparse.Namespace, options: Options) -> int:
     except FamilyError as fault:
         raise console.WrongCommandLine(str(fault), "see results.csv for identifiers") from fault
     except OSError as fault:
-        raise in_words(folder, fault) from fault
+        raise explain_os_error(folder, fault) from fault
     return 0
 
 
