@@ -74,7 +74,7 @@ def one(file: Path, python: str, count: int) -> tuple[list[str], bool]:
     assert imported is not None
     took = time.perf_counter() - begun
     names = in_files(imported)
-    balls = {joint.name for one in imported.robot.hangings for joint in one.joints if joint.kind == "ball"}
+    balls = {joint.name for one in imported.robot.attachments for joint in one.joints if joint.kind == "ball"}
     known, joints = names["links"] | names["frames"], {name: word for name, word in names["joints"].items() if name not in balls}
     row = [str(len(links)), str(len(joints)), f"{took:.2f}"]
     with tempfile.TemporaryDirectory() as folder:

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from diff.cranes import CRANE, drawn, made, sound, write
 from thingc.tools.diff.comparison import Comparison, compare
 from thingc.tools.diff.snapshot import Change, Snapshot
-from thingc.tools.diff.text_report import following
+from thingc.tools.diff.text_report import consequences_of
 
 Made = set[tuple[str, str, str, str | None]]
 
@@ -184,7 +184,7 @@ def test_test_measurements_have_units_and_are_merged() -> None:
         change("passed [stand, up]", True, False), change("measured.margin", 2.0, 3.0),
         change("measured.distance", 0.002, 0.001), change("measured.gap", 0.002, 0.001),
     )
-    assert [line.words for line in following(Comparison(name="crane", changes=found))] == [
+    assert [line.words for line in consequences_of(Comparison(name="crane", changes=found))] == [
         " [stand, up]: FAILS now", ": measured.mass 2 kg -> 2.5 kg (+25 %)", ": reach.min 300 mm -> 400 mm (+33.3 %)",
         ": measured.rest [stand, up] 0.5 s -> 0.25 s (-50 %)", ": measured.moved [stand, up] 2 mm -> nothing",
         ": measured.margin 2 -> 3 (+50 %)", ": measured.distance 2 mm -> 1 mm (-50 %)", ": measured.gap 2 mm -> 1 mm (-50 %)",
@@ -196,9 +196,9 @@ def test_rotation_in_place_is_reported_as_a_turn(crane: Snapshot, tmp_path: Path
     comparison = sound(crane, drawn(write(tmp_path, ("xyz: 0 0 500 mm, rpy: 90", "xyz: 0 0 500 mm, rpy: 142")), shared_store))
     moved = {(c.path, c.field) for c in comparison.changes if c.what == "component" and c.change == "moved"}
     assert {("boom", "turn"), ("hook", "turn"), ("hook", "place")} <= moved and ("boom", "place") not in moved
-    (sentence,) = [one for one in following(comparison) if one.what == "component"]
+    (sentence,) = [one for one in consequences_of(comparison) if one.what == "component"]
     assert "boom" in sentence.paths and "hook" in sentence.paths
     assert sentence.words == f": moved by up to {800 * math.sin(math.radians(26)):.0f} mm and turned by up to 52 deg"
     (boom,) = [c for c in comparison.changes if (c.path, c.field) == ("boom", "turn")]
     alone = replace(comparison, changes=(boom,))
-    assert [one.words for one in following(alone)] == [": turned by up to 52 deg"]
+    assert [one.words for one in consequences_of(alone)] == [": turned by up to 52 deg"]

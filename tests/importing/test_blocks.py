@@ -108,8 +108,8 @@ def test_mimic_of_a_missing_joint_is_a_warning(tmp_path: Path) -> None:
     assert imported is not None and [(one.code.code, one.span.line) for one in report.diagnostics if one.span] == [("TC955", line)]
     assert "it moves independently" in report.diagnostics[0].message and "did you mean" in (report.diagnostics[0].help or "")
     assert [loss.why for loss in imported.losses if "mimic of" in loss.what] == ["omitted, because the other joint does not move"]
-    alone = [joint for one in imported.robot.hangings for joint in one.joints if joint.follows is None]
-    assert len(alone) == len([joint for one in imported.robot.hangings for joint in one.joints]) - text.count("<mimic") + 1
+    alone = [joint for one in imported.robot.attachments for joint in one.joints if joint.follows is None]
+    assert len(alone) == len([joint for one in imported.robot.attachments for joint in one.joints]) - text.count("<mimic") + 1
 
 
 @pytest.mark.parametrize("block", [
@@ -124,7 +124,7 @@ def test_drive_of_a_missing_joint_is_a_warning_and_a_loss(block: str, tmp_path: 
         path.write_text(f'<robot name="r">{links}\n{block.replace("JOINT", name)}</robot>')
         imported = import_robot(str(path), report, ImportRequest(repair="nearest"))
         assert imported is not None
-        (joint,) = (joint for one in imported.robot.hangings for joint in one.joints)
+        (joint,) = (joint for one in imported.robot.attachments for joint in one.joints)
         warned = [(one.message, one.help, one.span and one.span.line) for one in report.diagnostics]
         found.append((joint.drive is not None, warned, [loss.what for loss in imported.losses if "drive of" in loss.what]))
     said = ("this element drives joint `yah`, which does not exist", "did you mean `yaw`?", 2)

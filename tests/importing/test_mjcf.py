@@ -230,7 +230,7 @@ def test_generated_names_do_not_collide_with_source_names(tmp_path: Path) -> Non
   </worldbody>
 </mujoco>
 """)
-    assert [(one.parent, one.child) for one in imported.robot.hangings] == [
+    assert [(one.parent, one.child) for one in imported.robot.attachments] == [
         ("world", "arm yaw_"), ("arm yaw_", "arm"), ("arm", "arm yaw"),
     ]
     assert [name for name in imported.files if name.startswith("meshes/")] == ["meshes/a.obj", "meshes/a_2.obj"]
@@ -347,7 +347,7 @@ def test_plugins_are_losses_and_the_rest_is_imported(tmp_path: Path) -> None:
     assert [(loss.what, loss.where.line) for loss in found.losses] == [
         ("the indices of `data.ctrl`", 1), ("`<extension>`", 2), ("actuator `p`", 4),
     ]
-    assert [one.drive.name for hanging in found.robot.hangings for one in hanging.joints if one.drive is not None] == ["m"]
+    assert [one.drive.name for hanging in found.robot.attachments for one in hanging.joints if one.drive is not None] == ["m"]
 
 
 ARM = """<mujoco model="arm"><compiler angle="radian" meshdir="assets"/><include file="defaults.xml"/>

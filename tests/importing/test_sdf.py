@@ -176,7 +176,7 @@ def test_axis_frame_depends_on_version_and_attributes(version: str, axis: str, t
     turned = f"<link name='e'><pose>0 0 1 0 0 {numpy.pi / 2}</pose>{LINK}</link>"
     found, _ = read(tmp_path, sdf(f"{turned}{CHAIN}{joint('n', 'a', 'e', axis=axis)}", version))
     assert found is not None
-    (axis_of,) = (one.axis for hanging in found.robot.hangings for one in hanging.joints if one.name == "n")
+    (axis_of,) = (one.axis for hanging in found.robot.attachments for one in hanging.joints if one.name == "n")
     assert numpy.abs(numpy.array(axis_of) - [1.0, 0.0, 0.0]).max() < 1e-12
 
 
@@ -193,7 +193,7 @@ def test_pose_with_a_quaternion(tmp_path: Path) -> None:
     turned = f"<link name='e'><pose rotation_format='quat_xyzw'>1 2 3 0.2 0.4 0.8 1.0</pose>{LINK}</link>"
     found, report = read(tmp_path, sdf(f"{turned}{CHAIN}{joint('n', 'a', 'e', 'fixed')}"))
     assert found is not None and not report.failed
-    (hanging,) = (one for one in found.robot.hangings if one.child == "e")
+    (hanging,) = (one for one in found.robot.attachments if one.child == "e")
     expected = numpy.zeros(9)
     mujoco.mju_quat2Mat(expected, numpy.array([1.0, 0.2, 0.4, 0.8]) / numpy.sqrt(1.84))
     assert hanging.pose.translation == pytest.approx((1.0, 2.0, 3.0))
@@ -246,7 +246,7 @@ def test_included_file_uses_its_own_meshes_and_version(tmp_path: Path, wanted: s
     found = import_robot(str(path), report, ImportRequest(packages={name: str(tmp_path / "robot" / one) for name, one in given.items()}))
     assert found is not None and [(one.code.code, one.span.line) for one in report.diagnostics if one.span is not None] == [("TC955", 2)]
     assert found.files["meshes/m.obj"] == (folder / "meshes" / "m.obj").read_bytes()
-    assert [one.axis for hanging in found.robot.hangings for one in hanging.joints] == [pytest.approx((1.0, 0.0, 0.0))]
+    assert [one.axis for hanging in found.robot.attachments for one in hanging.joints] == [pytest.approx((1.0, 0.0, 0.0))]
     assert [loss.what for loss in found.losses] == ["`<include>` of `<world>`"]
 
 
@@ -258,7 +258,7 @@ def test_screw_pitch_is_converted(pitch: str, lead: float, tmp_path: Path) -> No
     text = sdf(joint("j", "a", "b", "screw").replace("</joint>", f"{pitch}</joint>") + REST)
     found, report = read(tmp_path, text)
     assert found is not None and not report.failed
-    assert [one.lead for hanging in found.robot.hangings for one in hanging.joints if one.name == "j"] == [pytest.approx(lead)]
+    assert [one.lead for hanging in found.robot.attachments for one in hanging.joints if one.name == "j"] == [pytest.approx(lead)]
 
 
 @pytest.mark.parametrize("kind", ["universal", "revolute2"])
@@ -276,7 +276,7 @@ def test_two_axes_need_not_be_perpendicular(kind: str, tmp_path: Path) -> None:
     expected = rotation_matrix(0.4, (0, 1, 0)) @ rotation_matrix(0.7, (0, 0.6, 0.8))
     assert numpy.abs((numpy.linalg.inv(pose(data, "a")) @ pose(data, "b"))[:3, :3] - expected[:3, :3]).max() < 1e-12
     assert tuple(model.joint("j_1").range) == (-1.0, 2.0) and model.actuator("j_1").ctrlrange[1] == 3.0
-    assert [one.follows.joint for hanging in found.robot.hangings for one in hanging.joints if one.follows is not None] == ["j_1"]
+    assert [one.follows.joint for hanging in found.robot.attachments for one in hanging.joints if one.follows is not None] == ["j_1"]
 
 
 def test_mimic_reference_is_applied(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def test_macros_includes_and_packages(bot: Path) -> None:
     imported, said = read(bot)
     assert imported is not None and said == []
     assert [link.name for link in imported.robot.links] == ["base", "left_arm", "right_arm"]
-    left, right = imported.robot.hangings
+    left, right = imported.robot.attachments
     assert left.pose.translation[1] == pytest.approx(math.pi / 10) and right.pose.translation[1] == -0.1
     assert imported.robot.links[1].weight is not None and imported.robot.links[1].weight.properties.mass == 1.0
     assert [(Path(loss.where.file).name, loss.where.line) for loss in imported.losses] == [("arm.xacro", 12), ("arm.xacro", 12)]

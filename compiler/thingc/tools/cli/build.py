@@ -41,7 +41,7 @@ from thingc.tools.workshop import RENDERED
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc build` to the parser."""
     about, _, examples = (parser.epilog or "").partition("\n\n")
-    parser.epilog = f"{textwrap.fill(about.format(targets=in_words()), 120)}\n\n{examples}"
+    parser.epilog = f"{textwrap.fill(about.format(targets=describe_targets()), 120)}\n\n{examples}"
     console.add_document(parser)
     add_building(parser)
     parser.add_argument("--twice", action="store_true", help="build each part twice without the cache, and report differences as errors")
@@ -66,14 +66,14 @@ def run(arguments: argparse.Namespace) -> int:
             diagnostics, answer = _build(arguments, options, targets)
     except UserError as fault:
         diagnostics, answer = [fault.diagnostic], None
-    said = answer or {"folder": "", "artifacts": [], "modelled": [], "reused": []}
-    artifacts = [shown_path(os.path.join(said["folder"], path)) for path in said["artifacts"]]
+    result = answer or {"folder": "", "artifacts": [], "modelled": [], "reused": []}
+    artifacts = [shown_path(os.path.join(result["folder"], path)) for path in result["artifacts"]]
     console.print_found(
-        diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug, artifacts=artifacts, modelled=said["modelled"],
-        reused=said["reused"],
+        diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug, artifacts=artifacts, modelled=result["modelled"],
+        reused=result["reused"],
     )
     if answer is not None and arguments.format != "json":
-        tell({**answer, "losses": {target: count for target, count in answer["losses"].items() if target in targets}}, arguments)
+        print_summary({**answer, "losses": {target: count for target, count in answer["losses"].items() if target in targets}}, arguments)
     return console.exit_code(diagnostics)
 
 
@@ -90,11 +90,11 @@ def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, 
     })
     store = store_of(options)
     earlier = up_to_date.load(store, key) if not arguments.twice else None
-    if earlier is not None and _stands(earlier[1], store):
-        found, answer = earlier
+    if earlier is not None and _is_complete(earlier[1], store):
+        problems, answer = earlier
         if not set(targets) - set(answer["targets"]):
             parts = sorted({*answer["reused"], *answer["modelled"]})
-            return found, {**answer, "modelled": [], "reused": parts, "unchanged": True}
+            return problems, {**answer, "modelled": [], "reused": parts, "unchanged": True}
         targets = parse_targets([*targets, *answer["targets"]])  # the other outputs in the folder are up to date and do not change
     return with_environment(arguments.document, options, partial(_build_robot, wish_of(arguments, targets), key))
 
@@ -132,7 +132,7 @@ def answer_of(built: BuildResult, folder: str) -> dict[str, Any]:
     }
 
 
-def _stands(answer: Mapping[str, Any], store: Store) -> bool:
+def _is_complete(answer: Mapping[str, Any], store: Store) -> bool:
     """Return whether the build folder of an earlier build is complete and unchanged."""
     folder = answer["folder"]
     if build_folder(*answer["place"]) != folder or unswept(folder):
@@ -140,15 +140,15 @@ def _stands(answer: Mapping[str, Any], store: Store) -> bool:
     return up_to_date.state_of(os.path.join(folder, "manifest.json")) == answer["manifest"] and verify(folder, store) is not None
 
 
-def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
+def print_summary(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
     """Print a summary of the build to standard error. The last line shows the folder and the number of files."""
     if answer.get("twice"):
         console.say(f"{format_count(answer['twice'], 'part')} built twice, with equal results", stream=sys.stderr)
     if lost := answer["losses"]:
-        words = shlex.join(["thingc", "why", "--losses", arguments.document, *(f"--emit={word}" for word in arguments.emit),
-                            *(f"--compat={word}" for word in arguments.compat)])
+        command = shlex.join(["thingc", "why", "--losses", arguments.document, *(f"--emit={name}" for name in arguments.emit),
+                            *(f"--compat={name}" for name in arguments.compat)])
         counts = ", ".join(f"{count} in {target}" for target, count in lost.items())
-        console.say(f"{format_count(sum(lost.values()), 'export loss')} ({counts}); to list: {words}", stream=sys.stderr)
+        console.say(f"{format_count(sum(lost.values()), 'export loss')} ({counts}); to list: {command}", stream=sys.stderr)
     folder, files = shown_path(answer["folder"]), format_count(len(answer["artifacts"]), "file")
     if answer.get("unchanged"):
         console.say(f"{folder} is up to date ({files})", stream=sys.stderr)
@@ -160,11 +160,12 @@ def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
 # --- options of several commands ------------------------------------------------------------------------------------------
 
 
-def in_words() -> str:
+def describe_targets() -> str:
     """Return the list of all targets, with descriptions, for the output of `--help`."""
-    unasked, asked = ([f"{name} ({one.says})" for name, one in TARGETS.items() if one.unasked == kind] for kind in (True, False))
+    described = {name: f"{name} ({target.says})" for name, target in TARGETS.items()}
+    default_targets, on_request = ([described[name] for name in TARGETS if TARGETS[name].unasked == kind] for kind in (True, False))
     more = [name for name in targets() if name not in TARGETS]
-    return f"Targets: {', '.join(unasked)}; and, only with --emit, {', '.join(asked)}, {', '.join(more)}."
+    return f"Targets: {', '.join(default_targets)}; and, only with --emit, {', '.join(on_request)}, {', '.join(more)}."
 
 
 def add_emit(parser: argparse.ArgumentParser) -> None:

@@ -68,6 +68,6 @@ def _convert(arguments: argparse.Namespace, _: Environment, compilation: Compila
         raise console.WrongCommandLine(f"--emit {arguments.emit}: {fault}", fault.diagnostic.help) from fault
     with console.writing(arguments.output, "choose another file with -o"):
         if arguments.output is None:
-            console.hand_on(text)
+            console.write_raw(text)
         else:
             write_whole(os.path.abspath(arguments.output), text.encode())

@@ -79,18 +79,18 @@ def run(arguments: argparse.Namespace) -> int:
         console.refuse_modules_of_others()
         seconds = console.time_of("--time-limit", arguments.time_limit)
         if arguments.touched:
-            names = run_confined(partial(_concerned_without_code, words), seconds)
+            names = run_confined(partial(_affected_without_code, words), seconds)
             if isinstance(names, Diagnostic):
                 return _answer(arguments, [names], [])
             documents = names
         check_document = partial(_check_confined, options=options, strict=strict, seconds=seconds)
         check_robot = partial(robot_files.check_confined, options=options, source=source, strict=strict, seconds=seconds)
     diagnostics = list[Diagnostic]()
-    found = {document: check_document(document) for document in console.present(documents, diagnostics)}
+    diagnostics_of = {document: check_document(document) for document in console.present(documents, diagnostics)}
     checked = {robot: check_robot(robot) for robot in robots}
-    found |= {robot: said for robot, (said, _) in checked.items()}
+    diagnostics_of |= {robot: result for robot, (result, _) in checked.items()}
     remarks = [remark for _, remark in checked.values() if remark is not None]
-    return _answer(arguments, *_merge(found, diagnostics), of=of, remarks=remarks)
+    return _answer(arguments, *_merge(diagnostics_of, diagnostics), of=of, remarks=remarks)
 
 
 def _check_confined(document: str, options: Options, *, strict: bool, seconds: float) -> list[Diagnostic]:
@@ -107,12 +107,12 @@ def _merge(found: Mapping[str, list[Diagnostic]], diagnostics: list[Diagnostic])
     Return all diagnostics, and the paths of the documents without warnings and errors. An allowance (the key `allow`) is reported as unused
     only if no checked document needs it.
     """
-    needed = {d.span for said in found.values() for d in said if d.code is Code.UNNEEDED and d.severity is Severity.NOTE}
+    needed = {d.span for listed in found.values() for d in listed if d.code is Code.UNNEEDED and d.severity is Severity.NOTE}
     good: list[str] = []
-    for document, said in found.items():
-        held = [d for d in said if d.code is not Code.UNNEEDED or d.span not in needed]
-        diagnostics.extend(d for d in held if d not in diagnostics)
-        if all(d.severity is Severity.NOTE for d in held):
+    for document, listed in found.items():
+        remaining = [d for d in listed if d.code is not Code.UNNEEDED or d.span not in needed]
+        diagnostics.extend(d for d in remaining if d not in diagnostics)
+        if all(d.severity is Severity.NOTE for d in remaining):
             good.append(document)
     return diagnostics, good
 
@@ -123,12 +123,12 @@ def findings(environment: Environment, compilation: Compilation, *, strict: bool
     The result includes a note for each allowance that the document needs. The function `_merge` removes these notes.
     """
     report = report_of(environment, compilation)
-    needed = sorted((one.where for one in report.needed), key=lambda where: (where.file, where.line, where.column))
+    needed = sorted((allowance.where for allowance in report.needed), key=lambda where: (where.file, where.line, where.column))
     notes = [Diagnostic(code=Code.UNNEEDED, severity=Severity.NOTE, message="is required", span=where) for where in needed]
     return [*console.final(report, strict=strict), *notes]
 
 
-def _concerned_without_code(files: Sequence[str]) -> list[str]:
+def _affected_without_code(files: Sequence[str]) -> list[str]:
     from thingc.tools.affected.dependents import affected_documents
 
     return [shown_path(path) for path in affected_documents([os.path.abspath(file) for file in files], os.getcwd(), None).documents]

@@ -41,11 +41,11 @@ class WrongCommandLine(UserError):
 
 
 def add_document(parser: argparse.ArgumentParser, *, what: str = "an assembly document (YAML or TOML)", metavar: str = "DOC") -> None:
-    """Add the optional argument DOC to a parser. Without this argument, `main` uses the document that `document_meant()` returns."""
+    """Add the optional argument DOC to a parser. Without this argument, `main` uses the document that `default_document()` returns."""
     parser.add_argument("document", metavar=metavar, nargs="?", help=f"{what} (default: the only robot of the workspace)")
 
 
-def document_meant() -> str:
+def default_document() -> str:
     """Return the path of the document that a command processes if the command line does not contain a document. Also print the path.
 
     The document is the only assembly below the working folder, or else in its workspace, that is not nested in another assembly. Raises
@@ -54,13 +54,13 @@ def document_meant() -> str:
     from thingc.documents.load.discovery import assemblies_in, documents_near, is_document
     from thingc.documents.workspace import Workspace
 
-    here = os.getcwd()
-    workspace = Workspace.find(os.path.join(here, "document"), Report())
+    folder = os.getcwd()
+    workspace = Workspace.find(os.path.join(folder, "document"), Report())
     assemblies, robots = list[str](), list[str]()
     if workspace is not None:
         assemblies = (
-            assemblies_in(here, workspace)
-            or [path for path in documents_near(here, None) if is_document(path, "assembly/")]  # documents of nested workspaces
+            assemblies_in(folder, workspace)
+            or [path for path in documents_near(folder, None) if is_document(path, "assembly/")]  # documents of nested workspaces
             or assemblies_in(workspace.root, workspace)
         )
         robots = _top_documents(assemblies)
@@ -84,11 +84,11 @@ def _top_documents(assemblies: Sequence[str]) -> list[str]:
         workspace = Workspace.find(path, Report())
         documents = None if workspace is None else load(path, workspace, Report())
         if documents is not None and not documents.broken:
-            nested.update(os.path.realpath(one.path) for one in documents.by_path.values() if one is not documents.root)
+            nested.update(os.path.realpath(document.path) for document in documents.by_path.values() if document is not documents.root)
         else:
             with open(path, encoding="utf-8", errors="replace") as stream:
                 named = re.findall(r"""\bassembly["']?\s*[:=]\s*["']?([^\s"',{}]+)""", stream.read())
-            nested.update(os.path.realpath(os.path.join(os.path.dirname(path), one)) for one in named)
+            nested.update(os.path.realpath(os.path.join(os.path.dirname(path), document)) for document in named)
     return [path for path in assemblies if os.path.realpath(path) not in nested]
 
 
@@ -142,9 +142,9 @@ def one_of(known: Sequence[str]) -> Callable[[str], str]:
     """Return an argparse type that accepts only the words in `known`."""
     def choice(text: str) -> str:
         if text not in known:
-            words = ", ".join(f"`{one}`" for one in known[:-1]) + f" or `{known[-1]}`"
+            expected = ", ".join(f"`{known_word}`" for known_word in known[:-1]) + f" or `{known[-1]}`"
             close = nearest(text, known)
-            raise argparse.ArgumentTypeError(f"expected {words}, found `{text}`{f' (did you mean `{close}`?)' if close else ''}")
+            raise argparse.ArgumentTypeError(f"expected {expected}, found `{text}`{f' (did you mean `{close}`?)' if close else ''}")
         return text
 
     return choice
@@ -172,33 +172,33 @@ positive = number_in(1, sys.maxsize, "a whole number of at least 1", whole)
 """An argparse type that accepts positive integers."""
 
 
-def parameters(words: Sequence[str]) -> Mapping[str, str]:
+def parameters(settings: Sequence[str]) -> Mapping[str, str]:
     """Convert the values of the option `-p NAME=VALUE` to a mapping from names to values.
 
     Raises `WrongCommandLine` for an invalid value.
     """
     example = "-p 'reach=120 mm'"
-    for word in words:
-        name, _, value = (piece.strip() for piece in word.partition("="))
+    for setting in settings:
+        name, _, value = (piece.strip() for piece in setting.partition("="))
         if name and value and not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
             hint = f"to set a value by its path, write --set '{name}={value}'" if "." in name else f"write, for example, {example}"
-            raise WrongCommandLine(f"expected -p NAME=VALUE, found `{word}`", hint)
-    return paths(words, "-p NAME=VALUE", example, "-p sets `{}` twice")
+            raise WrongCommandLine(f"expected -p NAME=VALUE, found `{setting}`", hint)
+    return paths(settings, "-p NAME=VALUE", example, "-p sets `{}` twice")
 
 
-def paths(words: Sequence[str], form: str, example: str, twice: str, name: Callable[[str], str] = str) -> dict[str, str]:
+def paths(settings: Sequence[str], form: str, example: str, duplicate_message: str, name: Callable[[str], str] = str) -> dict[str, str]:
     """Convert the values of the option `--set PATH=TEXT` to a mapping from paths to texts. Raises `WrongCommandLine` for an invalid value.
 
-    `form` and `example` describe a correct argument in error messages. `twice` is the error message for two paths for which the function
-    `name` returns the same name.
+    `form` and `example` describe a correct argument in error messages. `duplicate_message` is the error message for two
+    paths for which the function `name` returns the same name.
     """
     texts: dict[str, str] = {}
-    for word in words:
-        path, equals, text = (piece.strip() for piece in word.partition("="))
+    for setting in settings:
+        path, equals, text = (piece.strip() for piece in setting.partition("="))
         if not equals or not path or not text:
-            raise WrongCommandLine(f"expected {form}, found `{word}`", f"write, for example, {example}")
+            raise WrongCommandLine(f"expected {form}, found `{setting}`", f"write, for example, {example}")
         if name(path) in map(name, texts):
-            raise WrongCommandLine(twice.format(path), "keep only one of the two values")
+            raise WrongCommandLine(duplicate_message.format(path), "keep only one of the two values")
         texts[path] = text
     return texts
 
@@ -278,41 +278,41 @@ def require_document(path: str) -> None:
     folder = path if is_folder else os.path.dirname(path) or "."
     prefix = os.path.join(path, "") if is_folder else os.path.dirname(path)
     settings = (OWN_FILE, SHARED_FILE)
-    near = [
+    nearby = [
         os.path.join(prefix, name) for name in listing(folder)
         if name.lower().endswith(DOCUMENT_SUFFIXES) and name not in settings and not name.startswith(".")
     ]
     if is_folder:
-        raise WrongCommandLine(f"expected a document, found the folder `{path}`", _document_meant("", folder, near), Code.NO_DOCUMENT)
+        raise WrongCommandLine(f"expected a document, found the folder `{path}`", suggest_document("", folder, nearby), Code.NO_DOCUMENT)
     if os.path.exists(path) and not is_file:
         raise WrongCommandLine(f"`{path}` is not a regular file", "name a regular file", Code.NO_DOCUMENT)
     if is_file:
         message = f"`{path}` is not a document ({', '.join(DOCUMENT_SUFFIXES)})"
-        raise WrongCommandLine(message, file_meant(path, near, what="documents"), Code.NO_DOCUMENT)
-    meant = _document_meant(path, folder if os.path.isdir(folder) else os.curdir, near)
-    raise WrongCommandLine(f"there is no document `{path}`", meant, Code.NO_DOCUMENT)
+        raise WrongCommandLine(message, file_meant(path, nearby, what="documents"), Code.NO_DOCUMENT)
+    hint = suggest_document(path, folder if os.path.isdir(folder) else os.curdir, nearby)
+    raise WrongCommandLine(f"there is no document `{path}`", hint, Code.NO_DOCUMENT)
 
 
-def _document_meant(path: str, folder: str, beside: Sequence[str]) -> Hint:
-    """Return a hint for the error that a document does not exist.
+def suggest_document(path: str, folder: str, nearby: Sequence[str]) -> Hint:
+    """Return a hint for the error that the document `path` does not exist.
 
-    The hint suggests a document with a similar name in the folder `beside`, or else in the rest of the workspace. If no name is similar,
-    the hint lists all documents.
+    The hint suggests a document with a similar name among the documents `nearby`, or else in the rest of the workspace of `folder`. If no
+    name is similar, the hint lists all documents.
     """
     from thingc.documents.load.discovery import documents_near
     from thingc.documents.workspace import Workspace
 
     workspace = Workspace.find(os.path.join(os.path.abspath(folder), "document"), Report())
-    stem, elsewhere = without_suffix(os.path.basename(path)), [shown_path(one) for one in documents_near(folder, workspace)]
-    for known in (beside, elsewhere):
-        called = {without_suffix(os.path.basename(one)): one for one in sorted(known, reverse=True)}
-        close = nearest(stem, called)
+    stem, elsewhere = without_suffix(os.path.basename(path)), [shown_path(path) for path in documents_near(folder, workspace)]
+    for known in (nearby, elsewhere):
+        path_by_stem = {without_suffix(os.path.basename(path)): path for path in sorted(known, reverse=True)}
+        close = nearest(stem, path_by_stem)
         if close is not None:
-            return f"did you mean `{called[close]}`?"
-    return did_you_mean("", beside or elsewhere, what="documents")
+            return f"did you mean `{path_by_stem[close]}`?"
+    return did_you_mean("", nearby or elsewhere, what="documents")
 
 
-def expand_paths(words: Iterable[str]) -> list[str]:
+def expand_paths(arguments: Iterable[str]) -> list[str]:
     """Return the paths of the documents on the command line, without duplicates. A folder is replaced by all documents below the folder.
 
     Raises `WrongCommandLine` for a folder that contains no documents.
@@ -320,20 +320,20 @@ def expand_paths(words: Iterable[str]) -> list[str]:
     from thingc.documents.load.discovery import documents_in
 
     paths: dict[str, str] = {}
-    for word in words:
-        inside = [word]
-        if os.path.isdir(word):
-            inside = [path if os.path.isabs(word) else shown_path(path) for path in documents_in(word)]
+    for argument in arguments:
+        inside = [argument]
+        if os.path.isdir(argument):
+            inside = [path if os.path.isabs(argument) else shown_path(path) for path in documents_in(argument)]
             if not inside:
                 help = "start a document with `thingc: assembly/1` or another kind"
-                raise WrongCommandLine(f"there is no document below `{word}`", help, Code.NO_DOCUMENT)
+                raise WrongCommandLine(f"there is no document below `{argument}`", help, Code.NO_DOCUMENT)
         for path in inside:
             paths.setdefault(os.path.realpath(path), path)
     return list(paths.values())
 
 
 def present(documents: Iterable[str], diagnostics: list[Diagnostic]) -> Iterator[str]:
-    """Yield the paths of existing documents. For each missing document, add an error to `diagnostics`."""
+    """Yield the paths of those documents that exist. For each other path, add an error to `diagnostics`."""
     for document in documents:
         try:
             require_document(document)
@@ -352,16 +352,16 @@ class ProgressLine:
     def __init__(self) -> None:
         self._started = self._shown = time.monotonic()
 
-    def __call__(self, what: str, done: int, total: int) -> None:
+    def __call__(self, verb: str, done: int, total: int) -> None:
         """Display that `done` of `total` parts have been built."""
-        now = time.monotonic()
+        time_now = time.monotonic()
         if done == 0:
-            self._started = now
-        line = f"{what} parts: {done} of {total} ({now - self._started:.0f} s)"
+            self._started = time_now
+        line = f"{verb} parts: {done} of {total} ({time_now - self._started:.0f} s)"
         if sys.stderr.isatty():
             say_in_place(line if done < total else "")
-        elif done in (0, total) or now - self._shown >= 1:
-            self._shown = now
+        elif done in (0, total) or time_now - self._shown >= 1:
+            self._shown = time_now
             say(line, stream=sys.stderr)
 
 
@@ -391,9 +391,9 @@ def say_lines_of_documents(lines: Iterable[str]) -> None:
     sys.stdout.write("".join(f"{shown_line(line)}\n" for line in lines))
 
 
-def say_diff(name: str, before: str, after: str) -> None:
+def say_diff(name: str, old: str, new: str) -> None:
     """Print the difference between the old and the new text of a document as a unified diff."""
-    say_lines_of_documents(difflib.unified_diff(before.splitlines(), after.splitlines(), name, name, lineterm=""))
+    say_lines_of_documents(difflib.unified_diff(old.splitlines(), new.splitlines(), name, name, lineterm=""))
 
 
 @contextmanager
@@ -406,7 +406,7 @@ def writing(path: str | None, help: str) -> Iterator[None]:
         raise WrongCommandLine(message, help, Code.OUTPUT) from fault
 
 
-def hand_on(content: bytes | str) -> None:
+def write_raw(content: bytes | str) -> None:
     """Write output for other programs, such as XML, to standard output. Control characters are not escaped."""
     if isinstance(content, str):
         sys.stdout.write(content)

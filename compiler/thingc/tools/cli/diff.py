@@ -81,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.format == "json":
         console.print_data(as_json(answer))
     elif arguments.format == "markdown":
-        console.hand_on(as_markdown(answer, pictures))
+        console.write_raw(as_markdown(answer, pictures))
     else:
         console.say(*as_text(answer))
     return 1 if any(change.what in watched for change in answer.changes) else 0

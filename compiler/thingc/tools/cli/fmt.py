@@ -122,5 +122,5 @@ def _standard_input(arguments: argparse.Namespace) -> int:
     if arguments.diff:
         _print_diff("<stdin>", data, formatted)
     elif not arguments.check:
-        console.hand_on(formatted)
+        console.write_raw(formatted)
     return int(arguments.check and changed)

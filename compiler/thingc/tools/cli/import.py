@@ -185,7 +185,7 @@ def _would(arguments: argparse.Namespace, imported: Imported) -> list[str]:
 
 def _read(arguments: argparse.Namespace, imported: Imported) -> str:
     robot = imported.robot
-    joints = [joint for one in robot.hangings for joint in one.joints]
+    joints = [joint for one in robot.attachments for joint in one.joints]
     meshes = len([name for name in imported.files if name.startswith("meshes/")])
     things = [
         format_count(len(robot.links), "link"), format_count(len(joints), "joint"), *([format_count(meshes, "mesh")] if meshes else []),

@@ -73,7 +73,7 @@ def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Par
     Only the module of `command` is imported, so the parsers of other commands have no options. If `alone` is true, the parsers of other
     commands are omitted, because only the main help needs them.
     """
-    own: Parser | None = None
+    subparser: Parser | None = None
     parser = Parser(
         prog="thingc", description="A compiler for robots: one document, many kinematic roots.", epilog=examples_of(__doc__),
         formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False,
@@ -91,8 +91,8 @@ def parser_for(command: str | None, *, alone: bool = False) -> tuple[Parser, Par
             module = importlib.import_module(f"thingc.tools.cli.{name}")
             sub.epilog = examples_of(module.__doc__)
             module.configure(sub)
-            own = sub
-    return parser, own
+            subparser = sub
+    return parser, subparser
 
 
 def examples_of(docstring: str | None) -> str:
@@ -100,48 +100,48 @@ def examples_of(docstring: str | None) -> str:
     return (docstring or "").partition("\n\n")[2]
 
 
-def parse_arguments(words: Sequence[str]) -> argparse.Namespace | None:
+def parse_arguments(command_line: Sequence[str]) -> argparse.Namespace | None:
     """Parse the command line. Return None after printing the help or the version.
 
     Raises `WrongCommandLine`, or `SystemExit` if no command is given.
     """
-    command = next((word for word in words if not word.startswith("-")), None)
+    command = next((argument for argument in command_line if not argument.startswith("-")), None)
     if command is not None and command not in COMMANDS:
         from thingc.base.suggestions import near_hint
 
         hint = near_hint(command, COMMANDS) or "run `thingc --help` for a list of commands"
         raise _usage_error(f"there is no command `{command}`", str(hint))
-    empty = next((word for word in words if re.fullmatch(r"-\w--|--[\w-]+=--", word)), None)
+    empty = next((argument for argument in command_line if re.fullmatch(r"-\w--|--[\w-]+=--", argument)), None)
     if empty is not None:  # for such a word, argparse returns a list
         raise _usage_error(f"`{empty}`: expected a value, found `--`", "write `./--` for a file or folder of that name")
-    parser, own = parser_for(command, alone=command is not None and words[0] == command)
-    behind: Sequence[str] | None = None
-    if own is not None and own.get_default("behind") is not None and "--" in words:  # argparse would add these words to other arguments
-        words, behind = words[: words.index("--")], words[words.index("--") + 1 :]
+    parser, subparser = parser_for(command, alone=command is not None and command_line[0] == command)
+    after_dashes: Sequence[str] | None = None  # argparse would add these words to other arguments
+    if subparser is not None and subparser.get_default("behind") is not None and "--" in command_line:
+        command_line, after_dashes = command_line[: command_line.index("--")], command_line[command_line.index("--") + 1 :]
     try:
         # `intermixed` allows options between arguments, as in `thingc motion DOC --mode M NAME`, but takes `-x` after `--` for an option
-        if own is not None and words[0] == command and "--" not in words:
-            options, unknown = own.parse_known_intermixed_args(words[1:], argparse.Namespace(command=command, version=False))
+        if subparser is not None and command_line[0] == command and "--" not in command_line:
+            options, unknown = subparser.parse_known_intermixed_args(command_line[1:], argparse.Namespace(command=command, version=False))
         else:
-            options, unknown = parser.parse_known_args(words)
+            options, unknown = parser.parse_known_args(command_line)
     except SystemExit as leaving:
         if leaving.code:
             raise
         return None
-    if behind is not None:
-        options.behind = list(behind)
+    if after_dashes is not None:
+        options.behind = list(after_dashes)
     if unknown:
         from thingc.base.suggestions import nearest
 
-        word = unknown[0].partition("=")[0]
-        what = "option" if word.startswith("-") else "argument"
+        argument = unknown[0].partition("=")[0]
+        kind = "option" if argument.startswith("-") else "argument"
         of = f" of `thingc {command}`" if command is not None else ""
-        known = {name.lstrip("-"): name for action in (own or parser)._actions for name in action.option_strings}
-        if command is not None and word in known.values() and words.index(unknown[0]) < words.index(command):
-            raise _usage_error(f"`{word}` is an option of `thingc {command}`, not of `thingc`", f"write the option after `{command}`")
-        close = nearest(word.lstrip("-"), known) if what == "option" else None
-        help = f"did you mean `{known[close]}`?" if close else f"run `{(own or parser).prog} --help` for usage"
-        raise _usage_error(f"there is no {what} `{word}`{of}" if what == "option" else f"unexpected argument `{word}`", help)
+        known = {name.lstrip("-"): name for action in (subparser or parser)._actions for name in action.option_strings}
+        if command is not None and argument in known.values() and command_line.index(unknown[0]) < command_line.index(command):
+            raise _usage_error(f"`{argument}` is an option of `thingc {command}`, not of `thingc`", f"write the option after `{command}`")
+        close = nearest(argument.lstrip("-"), known) if kind == "option" else None
+        help = f"did you mean `{known[close]}`?" if close else f"run `{(subparser or parser).prog} --help` for usage"
+        raise _usage_error(f"there is no {kind} `{argument}`{of}" if kind == "option" else f"unexpected argument `{argument}`", help)
     if options.version:
         from thingc import __version__
         from thingc.tools.cli import console
@@ -156,17 +156,17 @@ def parse_arguments(words: Sequence[str]) -> argparse.Namespace | None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code: 0 success, 1 errors in documents or parts, 2 invalid command line, 130 interrupted."""
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    command_line = list(sys.argv[1:] if arguments is None else arguments)
     options: argparse.Namespace | None = None
     try:
-        options = parse_arguments(words)
+        options = parse_arguments(command_line)
         if options is None:
             return 0
         os.getcwd()  # raises FileNotFoundError if the working folder was deleted
         if getattr(options, "document", "") is None:
             from thingc.tools.cli import console
 
-            options.document = console.document_meant()
+            options.document = console.default_document()
         code: int = importlib.import_module(f"thingc.tools.cli.{options.command}").run(options)
         sys.stdout.flush()
     except SystemExit as leaving:
@@ -180,7 +180,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return _report_interrupt()
     except Exception as fault:
-        return _report_interrupt() if has_come() else _report(fault, options, words)
+        return _report_interrupt() if has_come() else _report(fault, options, command_line)
     return code
 
 
@@ -198,7 +198,7 @@ def _usage_error(message: str, hint: str) -> Exception:
     return console.WrongCommandLine(message, hint)
 
 
-def _report(fault: Exception, options: argparse.Namespace | None, words: Sequence[str]) -> int:
+def _report(fault: Exception, options: argparse.Namespace | None, command_line: Sequence[str]) -> int:
     """Print an exception as a diagnostic in the requested output format, and return the exit code.
 
     Commands whose text output consists of diagnostics print errors about the command line to standard output (`stdout_errors`).
@@ -206,9 +206,9 @@ def _report(fault: Exception, options: argparse.Namespace | None, words: Sequenc
     from thingc.tools.cli import console
 
     diagnostic, debug = console.of_exception(fault), getattr(options, "debug", False)
-    asked = [after for word, after in zip(words, words[1:]) if word == "--format"]
-    asked += [word.removeprefix("--format=") for word in words if word.startswith("--format=")]
-    form = getattr(options, "format", "text") if options is not None else asked[-1] if asked else "text"
+    formats = [value for option, value in zip(command_line, command_line[1:]) if option == "--format"]
+    formats += [option.removeprefix("--format=") for option in command_line if option.startswith("--format=")]
+    form = getattr(options, "format", "text") if options is not None else formats[-1] if formats else "text"
     if form not in console.FINDINGS or str(fault).startswith("--format"):  # an unsupported format is reported as text
         form = "text"
     wrong = isinstance(fault, console.WrongCommandLine) and getattr(options, "stdout_errors", False)

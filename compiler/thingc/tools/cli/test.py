@@ -114,7 +114,7 @@ def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], d
 
         failures = [result.diagnostic for result in results]
         others = [d for d in diagnostics if d.severity is Severity.ERROR and d not in failures]
-        console.hand_on(as_junit(name, results, others))
+        console.write_raw(as_junit(name, results, others))
         return
     if results:
         console.say("")

@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.format == "json":
         console.print_json([], documents=shown)
     elif arguments.null:
-        console.hand_on(b"".join(os.fsencode(path) + b"\0" for path in shown))
+        console.write_raw(b"".join(os.fsencode(path) + b"\0" for path in shown))
     else:
         console.say(*shown)
     return 0

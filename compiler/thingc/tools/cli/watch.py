@@ -27,7 +27,7 @@ from thingc.base.safe_text import json_text
 from thingc.driver import pipeline
 from thingc.driver.build_document import BuildRequest
 from thingc.tools.cli import console, signals
-from thingc.tools.cli.build import add_building, answer_of, chosen_targets, tell, wish_of
+from thingc.tools.cli.build import add_building, answer_of, chosen_targets, print_summary, wish_of
 from thingc.tools.live.rebuild_loop import Rebuild, RebuildLoop
 
 
@@ -99,7 +99,7 @@ def say_json(made: Rebuild) -> None:
 def _say_line(value: Mapping[str, object]) -> None:
     import json
 
-    console.hand_on(json_text(json.dumps(value, ensure_ascii=False)) + "\n")
+    console.write_raw(json_text(json.dumps(value, ensure_ascii=False)) + "\n")
     sys.stdout.flush()
 
 
@@ -130,7 +130,7 @@ class Lines:
             of = f"{self._of}, " if self._of is not None else ""
             console.say(f"{time.strftime('%H:%M:%S')} {saved}: {of}{outcome}{stand}", stream=sys.stderr)
         if made.built is not None and made.folder is not None and not self._built:
-            tell(answer_of(made.built, made.folder), self._arguments)
+            print_summary(answer_of(made.built, made.folder), self._arguments)
         self._built = self._built or made.good
         if made.number == 1 and self._of is None and not hopeless(made):
             console.say(f"{'' if made.good else 'nothing built yet; '}{self._doing}; press Ctrl-C to stop", stream=sys.stderr)

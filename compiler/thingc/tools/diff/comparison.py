@@ -11,7 +11,7 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Pose, rpy_of
 from thingc.base.source import Span, line_of
 from thingc.geometry.record import PartRecord
-from thingc.tools.diff.document_changes import DocumentChanges, StatedChanges, above_of
+from thingc.tools.diff.document_changes import DocumentChanges, DocumentComparison, above_of
 from thingc.tools.diff.name_mapping import NameMapping, equal, largest
 from thingc.tools.diff.snapshot import Change, DisplayValue, How, OccurrenceSnapshot, Row, Snapshot, What
 
@@ -30,7 +30,7 @@ SHAPES = 1e-7
 """Relative tolerance of integrals over a shape. Integrals vary because the geometry kernel adds up the faces in varying order."""
 
 
-class _Following:
+class _Consequences:
     """Finds the consequences of changes in the documents, such as changed masses, and adds these consequences to the comparison."""
 
     def __init__(self, pairing: NameMapping, changes: DocumentChanges, farthest: Farthest) -> None:
@@ -38,8 +38,8 @@ class _Following:
         self.old: Snapshot = pairing.old
         self.new: Snapshot = pairing.new
         self.occurrences = [
-            (one, self.new.occurrences[there]) for path, one in self.old.occurrences.items()
-            if (there := pairing.path("component", path)) is not None and there in self.new.occurrences
+            (occurrence, self.new.occurrences[new_path]) for path, occurrence in self.old.occurrences.items()
+            if (new_path := pairing.path("component", path)) is not None and new_path in self.new.occurrences
         ]
         self._moved: dict[str, tuple[str, ...]] = {}
 
@@ -53,19 +53,19 @@ class _Following:
         if known:
             self._places()
             self._links()
-            self._whole()
+            self._robot_masses()
         if known or self.old.rows and self.new.rows:
             self._rows()
         self._coordinates()
         self._outcomes()
 
     def _add(
-        self, what: What, paths: tuple[str, str], difference: Difference, because: Iterable[str], span: Span | None = None,
+        self, kind: What, paths: tuple[str, str], difference: Difference, because: Iterable[str], span: Span | None = None,
         change: How = "changed",
     ) -> None:
-        (old, new), (field, before, after) = paths, difference
+        (old, new), (field, old_value, new_value) = paths, difference
         self.changes.add(Change(
-            what=what, change=change, path=old, new_path=new if new != old else None, field=field, old=before, new=after,
+            what=kind, change=change, path=old, new_path=new if new != old else None, field=field, old=old_value, new=new_value,
             because=tuple(dict.fromkeys(because)), span=span,
         ))
 
@@ -80,27 +80,27 @@ class _Following:
         return self.changes.causes("component", paths, MADE) | self.changes.causes("parameter", paths, ("params.",))
 
     def _geometry(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> None:
-        one, other = old.shape, new.shape
-        if one == other or one is None and other is None:
+        before, after = old.shape, new.shape
+        if before == after or before is None and after is None:
             return
         paths = (old.path, new.path)
-        because, span = self._definition_changes(old, new), _code_location(other)
-        if one is None or other is None:
-            volume, now = (None if shape is None else shape.volume for shape in (one, other))
-            self._add("geometry", paths, ("volume", volume, now), because, span)
+        because, span = self._definition_changes(old, new), _code_location(after)
+        if before is None or after is None:
+            volume, new_size = (None if shape is None else shape.volume for shape in (before, after))
+            self._add("geometry", paths, ("volume", volume, new_size), because, span)
             return
-        assert one.box is not None and other.box is not None
-        alike = _nearly_equal(one.inertia, other.inertia) and _nearly_equal(one.centre, other.centre, _size(one.box))
+        assert before.box is not None and after.box is not None
+        same_inertia = _nearly_equal(before.inertia, after.inertia) and _nearly_equal(before.centre, after.centre, _size(before.box))
         fields: list[Difference] = []
-        for field, size, now in (("volume", one.volume, other.volume), ("area", one.area, other.area)):
-            if not _nearly_equal(size, now):
-                fields.append((field, size, now))
-        if not _nearly_equal(one.box, other.box, _size(one.box)):
-            fields.append(("box", one.box, other.box))
-        if not fields and not alike:
-            fields.append(("centre", one.centre, other.centre))
-        drawn, redrawn = one.meshes.get("visual"), other.meshes.get("visual")
-        distance = self.farthest(drawn.sha256, redrawn.sha256) if fields and drawn is not None and redrawn is not None else None
+        for field, size, new_size in (("volume", before.volume, after.volume), ("area", before.area, after.area)):
+            if not _nearly_equal(size, new_size):
+                fields.append((field, size, new_size))
+        if not _nearly_equal(before.box, after.box, _size(before.box)):
+            fields.append(("box", before.box, after.box))
+        if not fields and not same_inertia:
+            fields.append(("centre", before.centre, after.centre))
+        old_mesh, new_mesh = before.meshes.get("visual"), after.meshes.get("visual")
+        distance = self.farthest(old_mesh.sha256, new_mesh.sha256) if fields and old_mesh is not None and new_mesh is not None else None
         for difference in fields:
             self._add("geometry", paths, difference, because, span)
         if distance:
@@ -110,14 +110,14 @@ class _Following:
         paths = (old.path, new.path)
         because: dict[str, None] | None = None
         for name in {**old.mounts, **new.mounts}:
-            before, after = old.mounts.get(name), new.mounts.get(name)
-            if before is not None and after is not None and _same_pose(before, after):
+            old_mount, new_mount = old.mounts.get(name), new.mounts.get(name)
+            if old_mount is not None and new_mount is not None and _same_pose(old_mount, new_mount):
                 continue
             if because is None:
                 because = self._definition_changes(old, new) or self.changes.causes("geometry", paths)
-            how: How = "added" if before is None else "removed" if after is None else "moved"
-            difference = ("pose", _display_pose(before), _display_pose(after))
-            self._add("mount", (f"{old.path}/{name}", f"{new.path}/{name}"), difference, because, _code_location(new.shape), how)
+            change: How = "added" if old_mount is None else "removed" if new_mount is None else "moved"
+            difference = ("pose", _display_pose(old_mount), _display_pose(new_mount))
+            self._add("mount", (f"{old.path}/{name}", f"{new.path}/{name}"), difference, because, _code_location(new.shape), change)
 
     def _mass(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> None:
         fields: list[Difference] = []
@@ -130,7 +130,7 @@ class _Following:
         if not fields:
             return
         paths = (old.path, new.path)
-        materials = [one.material for one in (old, new) if one.material is not None]
+        materials = [occurrence.material for occurrence in (old, new) if occurrence.material is not None]
         because = {
             **self._definition_changes(old, new), **self.changes.causes("component", paths, WEIGHED),
             **self.changes.causes("geometry", paths),
@@ -144,26 +144,26 @@ class _Following:
     def _places(self) -> None:
         """Compare the poses of parts and frames at q = 0, relative to the base of the old robot."""
         base = next((occurrence for occurrence in self.old.occurrences.values() if occurrence.parent is None), None)
-        there = self.pairing.path("component", base.path) if base is not None else None
-        if base is None or there is None or base.place is None or there not in self.new.occurrences:
+        new_base = self.pairing.path("component", base.path) if base is not None else None
+        if base is None or new_base is None or base.place is None or new_base not in self.new.occurrences:
             return
-        seen = self.new.occurrences[there].place
-        assert seen is not None
-        back = base.place @ seen.inverse()
+        new_place = self.new.occurrences[new_base].place
+        assert new_place is not None
+        back = base.place @ new_place.inverse()
         for old, new in self.occurrences:
             if old.place is None or new.place is None:
                 continue
-            before, after = old.place, back @ new.place
+            old_pose, new_pose = old.place, back @ new.place
             differences: list[Difference] = []
-            if not _same(before.translation, after.translation):
-                differences.append(("place", tuple(before.translation), tuple(after.translation)))
-            if not all(map(_same, before.rotation, after.rotation)):
-                differences.append(("turn", tuple(rpy_of(before.rotation)), tuple(rpy_of(after.rotation))))
+            if not _same(old_pose.translation, new_pose.translation):
+                differences.append(("place", tuple(old_pose.translation), tuple(new_pose.translation)))
+            if not all(map(_same, old_pose.rotation, new_pose.rotation)):
+                differences.append(("turn", tuple(rpy_of(old_pose.rotation)), tuple(rpy_of(new_pose.rotation))))
             for difference in differences:
-                because = self._mover(new.path) or self.changes.structure()
+                because = self._causes_of_pose(new.path) or self.changes.structure()
                 self._add("component", (old.path, new.path), difference, because, change="moved")
 
-    def _mover(self, path: str) -> tuple[str, ...]:
+    def _causes_of_pose(self, path: str) -> tuple[str, ...]:
         """Return the changes that caused the new pose of a part.
 
         These changes affect the attachments between the part and the base in the new robot.
@@ -172,26 +172,26 @@ class _Following:
             self._moved[path] = ()
             occurrence = self.new.occurrences[path]
             if occurrence.parent is not None:
-                causes = dict.fromkeys(self._mover(occurrence.parent))
+                causes = dict.fromkeys(self._causes_of_pose(occurrence.parent))
                 old = self.pairing.old_component(path)
-                before = self.old.occurrences.get(old) if old is not None else None
-                if before is None or not self._hangs_as_before(before, occurrence):
-                    causes |= self._hung(occurrence)
-                    if before is not None:
-                        causes |= self._hung(before)
+                old_occurrence = self.old.occurrences.get(old) if old is not None else None
+                if old_occurrence is None or not self._is_attached_equally(old_occurrence, occurrence):
+                    causes |= self._attachment_changes(occurrence)
+                    if old_occurrence is not None:
+                        causes |= self._attachment_changes(old_occurrence)
                 self._moved[path] = tuple(causes)
         return self._moved[path]
 
-    def _hangs_as_before(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> bool:
+    def _is_attached_equally(self, old: OccurrenceSnapshot, new: OccurrenceSnapshot) -> bool:
         if old.parent is None or new.parent is None or self.pairing.path("component", old.parent) != new.parent:
             return False
-        above, own = self.old.occurrences[old.parent].place, old.place
-        there, here = self.new.occurrences[new.parent].place, new.place
-        return above is not None and own is not None and there is not None and here is not None and _same_pose(
-            above.inverse() @ own, there.inverse() @ here,
+        parent_place, place = self.old.occurrences[old.parent].place, old.place
+        new_parent_place, new_place = self.new.occurrences[new.parent].place, new.place
+        return parent_place is not None and place is not None and new_parent_place is not None and new_place is not None and _same_pose(
+            parent_place.inverse() @ place, new_parent_place.inverse() @ new_place,
         )
 
-    def _hung(self, occurrence: OccurrenceSnapshot) -> dict[str, None]:
+    def _attachment_changes(self, occurrence: OccurrenceSnapshot) -> dict[str, None]:
         """Return the changes that affect how a part is attached: changes of the mate or joint, of the two mounts, and of the two parts."""
         ends = [occurrence.path, *([occurrence.parent] if occurrence.parent is not None else [])]
         above = [path for end in ends for path in above_of(end)]
@@ -209,25 +209,25 @@ class _Following:
         """Compare the names and frames of the links. If a link consists of several parts, also compare the total mass of the link."""
         olds, news = ({link.frame: link for link in side.links} for side in (self.old, self.new))
         for old, new in self.occurrences:
-            one, other = olds.get(old.path), news.get(new.path)
-            names = [None if link is None or link.name == frame else link.name for link, frame in ((one, old.path), (other, new.path))]
-            if (one is None) != (other is None) or names[0] != names[1]:
-                before, after = (None if link is None else link.name for link in (one, other))
-                self._add("component", (old.path, new.path), ("link", before, after), self.changes.structure())
-            if one is None or other is None or len(one.members) == len(other.members) == 1:
+            before, after = olds.get(old.path), news.get(new.path)
+            names = [None if link is None or link.name == frame else link.name for link, frame in ((before, old.path), (after, new.path))]
+            if (before is None) != (after is None) or names[0] != names[1]:
+                old_name, new_name = (None if link is None else link.name for link in (before, after))
+                self._add("component", (old.path, new.path), ("link", old_name, new_name), self.changes.structure())
+            if before is None or after is None or len(before.members) == len(after.members) == 1:
                 continue
             because: dict[str, None] | None = None
-            for difference in _masses(one.properties, other.properties, "link."):
+            for difference in _masses(before.properties, after.properties, "link."):
                 if because is None:
-                    because = self._mass_changes([*one.members, *other.members]) or self.changes.structure()
-                self._add("mass", (one.name, other.name), difference, because)
+                    because = self._mass_changes([*before.members, *after.members]) or self.changes.structure()
+                self._add("mass", (before.name, after.name), difference, because)
 
     def _mass_changes(self, paths: Sequence[str]) -> dict[str, None]:
         causes = self.changes.causes("mass", paths)
         causes |= self.changes.causes("component", [above for path in paths for above in above_of(path)], ("place", "turn", *MADE))
         return causes
 
-    def _whole(self) -> None:
+    def _robot_masses(self) -> None:
         if self.old.whole is None or self.new.whole is None:
             return
         fields = list(_masses(self.old.whole, self.new.whole, "robot."))
@@ -243,18 +243,18 @@ class _Following:
 
     def _coordinates(self) -> None:
         """Compare the order of the joint coordinates in each mode. Coordinates that exist in only one of the two robots are ignored."""
-        joints = [path for what, path in self.old.things if what == "joint"]
-        known = {path: there for path in joints if (there := self.pairing.path("joint", path)) is not None}
+        joints = [path for kind, path in self.old.things if kind == "joint"]
+        known = {path: new for path in joints if (new := self.pairing.path("joint", path)) is not None}
         for mode, names in self.old.coordinates.items():
-            there = self.pairing.path("mode", mode) or (mode if mode in self.new.coordinates else None)
-            if there is None or there not in self.new.coordinates:
+            new_mode = self.pairing.path("mode", mode) or (mode if mode in self.new.coordinates else None)
+            if new_mode is None or new_mode not in self.new.coordinates:
                 continue
-            before = [known[name] for name in names if name in known]
-            after = [name for name in self.new.coordinates[there] if name in set(before)]
-            if [name for name in before if name in set(after)] != after:
-                because = self.changes.causes("mode", [mode, there], ("root", "cut", "base")) or self.changes.structure()
-                difference = ("coordinates", tuple(names), tuple(self.new.coordinates[there]))
-                self._add("mode", (mode, there), difference, because)
+            old_order = [known[name] for name in names if name in known]
+            new_order = [name for name in self.new.coordinates[new_mode] if name in set(old_order)]
+            if [name for name in old_order if name in set(new_order)] != new_order:
+                because = self.changes.causes("mode", [mode, new_mode], ("root", "cut", "base")) or self.changes.structure()
+                difference = ("coordinates", tuple(names), tuple(self.new.coordinates[new_mode]))
+                self._add("mode", (mode, new_mode), difference, because)
 
     # --- outputs -----------------------------------------------------------------------------------------------------
 
@@ -465,7 +465,7 @@ def compare(old: Snapshot, new: Snapshot, farthest: Farthest = lambda old, new: 
     The function `farthest` returns the distance between two surfaces. Without this function, surfaces are not compared.
     """
     pairing = NameMapping(old, new)
-    changes = StatedChanges(pairing).changes
-    _Following(pairing, changes, farthest).all()
+    changes = DocumentComparison(pairing).changes
+    _Consequences(pairing, changes, farthest).all()
     ordered = sorted(changes.found, key=lambda change: change.caused)
     return Comparison(name=new.name, changes=tuple(ordered), unknown=tuple(sorted(old.lacks | new.lacks)))

@@ -17,9 +17,9 @@ LONGEST = 40
 
 def format_values(pair: Pair, key: str, old: Fact | None, new: Fact | None, robots: tuple[Snapshot, Snapshot]) -> tuple[str, str] | None:
     """Format the old and the new value of a property with units. Return None if the physical dimension of the property is unknown."""
-    words = tuple(_format_fact(fact) for fact in (old, new))
-    if words[0] is not None and words[1] is not None:
-        return (words[0], words[1])
+    texts = tuple(_format_fact(fact) for fact in (old, new))
+    if texts[0] is not None and texts[1] is not None:
+        return (texts[0], texts[1])
     dimensions = [_dimension(thing, key, robot) for thing, robot in zip((pair.old, pair.new), robots, strict=True)]
     values = [fact.value if fact is not None else None for fact in (old, new)]
     if dimensions[0] is None or dimensions[0] != dimensions[1]:
@@ -68,7 +68,7 @@ def _number(value: Value, dimension: Dimension) -> str:
 
 _MADE_OF = frozenset({"part", "file", "assembly", "link", "frame", "mirror"})
 """Keys that define the kind and the content of a component."""
-_MEANT: tuple[What, ...] = ("mount", "joint", "pose", "mode")
+_REFERENCED_KINDS: tuple[What, ...] = ("mount", "joint", "pose", "mode")
 _INNER: frozenset[What] = frozenset({"parameter", "mate", "mount"})
 """Kinds of elements that are part of a component. Their changes are not reported if the component itself was added or removed."""
 
@@ -93,16 +93,16 @@ class DocumentChanges:
         """Return the paths of the user's changes that caused a change. If the change has no cause, return the path of the change itself."""
         return tuple(word for word in change.because if word != PERHAPS) if change.caused else (change.path,)
 
-    def causes(self, what: What, paths: Iterable[str], fields: Iterable[str] | None = None) -> dict[str, None]:
+    def causes(self, kind: What, paths: Iterable[str], fields: Iterable[str] | None = None) -> dict[str, None]:
         """Return the user's changes that affected the elements of the given kind at the given `paths`.
 
         If `fields` is given, only changes of these fields count. A field name that ends with a dot, such as `process.`, is a prefix.
         """
-        wanted = None if fields is None else tuple(fields)
+        wanted_fields = None if fields is None else tuple(fields)
         causes: dict[str, None] = {}
         for path in paths:
-            for change in self._at.get((what, path), ()):
-                if wanted is None or _is_of(change, wanted):
+            for change in self._at.get((kind, path), ()):
+                if wanted_fields is None or _affects(change, wanted_fields):
                     causes |= dict.fromkeys(self.roots(change))
         return causes
 
@@ -125,7 +125,7 @@ class DocumentChanges:
         return causes
 
 
-def _is_of(change: Change, fields: tuple[str, ...]) -> bool:
+def _affects(change: Change, fields: tuple[str, ...]) -> bool:
     """Return whether a change affects a field in `fields` or the whole element. Return False if the element was only renamed."""
     field = change.field
     if field is None:
@@ -133,7 +133,7 @@ def _is_of(change: Change, fields: tuple[str, ...]) -> bool:
     return any(field == one or one.endswith(".") and field.startswith(one) for one in fields)
 
 
-class StatedChanges:
+class DocumentComparison:
     """Compares the values in the old and the new documents, and collects the changes in the attribute `changes`."""
 
     def __init__(self, pairing: NameMapping) -> None:
@@ -141,24 +141,24 @@ class StatedChanges:
         self.changes = DocumentChanges()
         self._parameters = {pair.new.path: pair for pair in pairing.pairs if pair.new.what == "parameter"}
         self._known: dict[str, tuple[str, ...]] = {}
-        alone: list[tuple[SnapshotElement, How]] = [(one, "removed") for one in pairing.gone]
-        alone += [(one, "added") for one in pairing.come]
-        for thing, how in alone:
+        unmatched: list[tuple[SnapshotElement, How]] = [(one, "removed") for one in pairing.gone]
+        unmatched += [(one, "added") for one in pairing.come]
+        for thing, change in unmatched:
             if thing.what == "component":
-                self._alone(thing, how)
+                self._add_unmatched(thing, change)
         for pair in pairing.pairs:
             if pair.new_path is not None:
                 self._add_rename(pair)
-        for thing, how in alone:
+        for thing, change in unmatched:
             if thing.what != "component":
-                self._alone(thing, how)
+                self._add_unmatched(thing, change)
         for pair in pairing.pairs:
-            self._facts(pair)
+            self._compare_facts(pair)
 
-    def _alone(self, thing: SnapshotElement, how: How) -> None:
+    def _add_unmatched(self, thing: SnapshotElement, change: How) -> None:
         """Add a change for an element that exists only in the old robot or only in the new robot."""
-        there = self.pairing.path("component", thing.of) if how == "removed" else self.pairing.old_component(thing.of)
-        inner = thing.of != "" and there is None and thing.what != "component"
+        counterpart = self.pairing.path("component", thing.of) if change == "removed" else self.pairing.old_component(thing.of)
+        inner = thing.of != "" and counterpart is None and thing.what != "component"
         if inner and thing.what in _INNER:
             return
         owner = thing.path.rpartition("/")[0] if thing.what == "component" else thing.of if inner else ""
@@ -167,8 +167,8 @@ class StatedChanges:
             next(iter(thing.facts.values())).value,
         ) if len(thing.facts) == 1 else None
         self.changes.add(Change(
-            what=thing.what, change=how, path=thing.path, old=label if how == "removed" else None, new=label if how == "added" else None,
-            because=because, span=thing.span,
+            what=thing.what, change=change, path=thing.path, because=because, span=thing.span,
+            old=label if change == "removed" else None, new=label if change == "added" else None,
         ))
 
     def _add_rename(self, pair: Pair) -> None:
@@ -192,48 +192,48 @@ class StatedChanges:
             span=new.span,
         ))
 
-    def _facts(self, pair: Pair) -> None:
+    def _compare_facts(self, pair: Pair) -> None:
         """Compare all properties of an element that exists in both robots, and add a change for each property whose value changed."""
         pairing, old, new = self.pairing, pair.old, pair.new
-        changed = [(key, before, after) for key, before, after in pairing.facts(old, new) if not pairing.same(before, after)]
-        made = {key for key, _, _ in changed if key in _MADE_OF}
+        changed = [fact for fact in pairing.facts(old, new) if not pairing.same(*fact[1:])]
+        changed_content = {key for key, _, _ in changed if key in _MADE_OF}
         # add changed texts first, because they may cause other changes
         changed.sort(key=lambda one: _source_of(old.facts.get(pairing.old_fact(old, one[0]))) == _source_of(new.facts.get(one[0])))
-        for key, before, after in changed:
-            if made and key.startswith("params."):
+        for key, old_value, new_value in changed:
+            if changed_content and key.startswith("params."):
                 continue  # the parameters are now parameters of another part class
-            earlier, later = old.facts.get(pairing.old_fact(old, key)), new.facts.get(key)
-            if old.what == "pose" and self._unknown(key):
+            old_fact, new_fact = old.facts.get(pairing.old_fact(old, key)), new.facts.get(key)
+            if old.what == "pose" and self._is_joint_unmatched(key):
                 because: tuple[str, ...] = tuple(self.changes.causes("joint", [key]))
             else:
-                because = self._because(pair, key, earlier, later, made)
+                because = self._causes_of_value(pair, key, old_fact, new_fact, changed_content)
             self.changes.add(Change(
-                what=_what(new, key), change="changed", path=old.path, new_path=pair.new_path, field=key, old=display_value(before),
-                new=display_value(after), because=because, words=format_values(pair, key, earlier, later, (pairing.old, pairing.new)),
-                span=later and later.span or new.span,
+                what=_what(new, key), change="changed", path=old.path, new_path=pair.new_path, field=key, old=display_value(old_value),
+                new=display_value(new_value), because=because,
+                words=format_values(pair, key, old_fact, new_fact, (pairing.old, pairing.new)), span=new_fact and new_fact.span or new.span,
             ))
 
-    def _unknown(self, joint: str) -> bool:
+    def _is_joint_unmatched(self, joint: str) -> bool:
         """Return whether a joint exists in only one of the two robots."""
         return any(thing.what == "joint" and thing.path == joint for thing in (*self.pairing.gone, *self.pairing.come))
 
-    def _because(self, pair: Pair, key: str, old: Fact | None, new: Fact | None, made: set[str]) -> tuple[str, ...]:
+    def _causes_of_value(self, pair: Pair, key: str, old: Fact | None, new: Fact | None, changed_content: set[str]) -> tuple[str, ...]:
         """Return the changes that caused the new value of a property.
 
         If the value is an expression whose text did not change, the causes are the changed parameters in the expression. If the document
         does not contain the property, the causes are changes of the component or of the drive.
         """
-        before, after = (fact.value if fact is not None else None for fact in (old, new))
+        old_value, new_value = (fact.value if fact is not None else None for fact in (old, new))
         if new is not None and new.written is not None and _source_of(old) == new.written:
-            return self._referenced_changes(new) or self._alive(before, after) or tuple(self.changes.structure())
+            return self._referenced_changes(new) or self._changes_of_names(old_value, new_value) or tuple(self.changes.structure())
         if _source_of(old) is None and _source_of(new) is None:
-            if pair.new.what == "component" and made and key not in made:
+            if pair.new.what == "component" and changed_content and key not in changed_content:
                 return tuple(self.changes.causes("component", [pair.new.path], _MADE_OF))
             if pair.new.what == "joint" and key.startswith(("limit.", "dynamics.", "drive.")):
                 return self._drive_changes(pair)
             if pair.new.what == "mode" and key == "poses":
-                return tuple(self.changes.causes("mode", [pair.new.path], ("pose",))) or self._alive(before, after)
-            return self._alive(before, after)
+                return tuple(self.changes.causes("mode", [pair.new.path], ("pose",))) or self._changes_of_names(old_value, new_value)
+            return self._changes_of_names(old_value, new_value)
         return ()
 
     def _referenced_changes(self, fact: Fact) -> tuple[str, ...]:
@@ -242,28 +242,28 @@ class StatedChanges:
         for name in names_in(fact.written or ""):
             path = f"{fact.scope}/{name}" if fact.scope else name
             causes |= dict.fromkeys(self._parameter(path))
-            for what in _MEANT:
-                causes |= self.changes.causes(what, [path])
+            for kind in _REFERENCED_KINDS:
+                causes |= self.changes.causes(kind, [path])
         return tuple(causes)
 
     def _drive_changes(self, pair: Pair) -> tuple[str, ...]:
         """Return the changes of a drive that affected values that a joint inherits from the drive."""
-        own = self.changes.causes("joint", [pair.new.path], ("type", "drive", "drive.", "limit.", "dynamics."))
+        causes = self.changes.causes("joint", [pair.new.path], ("type", "drive", "drive.", "limit.", "dynamics."))
         drives = [
             fact.value.path for thing in (pair.old, pair.new)
             if (fact := thing.facts.get("drive")) is not None and isinstance(fact.value, Named)
         ]
-        return tuple(own or self.changes.causes("component", drives, _MADE_OF) | self.changes.causes("parameter", drives, ("params.",)))
+        return tuple(causes or self.changes.causes("component", drives, _MADE_OF) | self.changes.causes("parameter", drives, ("params.",)))
 
-    def _alive(self, old: Value, new: Value) -> tuple[str, ...]:
+    def _changes_of_names(self, old: Value, new: Value) -> tuple[str, ...]:
         """Return the changes that added names to a list or removed names from the list.
 
         If no cause is known for one of the names, the result is empty.
         """
-        before, after = set(_names_in(self.pairing.now(old))), set(_names_in(new))
+        old_names, new_names = set(_names_in(self.pairing.translate(old))), set(_names_in(new))
         causes: dict[str, None] = {}
-        for one in before ^ after:
-            reasons = self.changes.causes(one.what, above_of(one.path))
+        for named in old_names ^ new_names:
+            reasons = self.changes.causes(named.what, above_of(named.path))
             if not reasons:
                 return ()
             causes |= reasons
@@ -280,7 +280,7 @@ class StatedChanges:
             if pair is not None:
                 old, new = pair.old.facts["value"], pair.new.facts["value"]
                 if not self.pairing.same(old.value, new.value):
-                    self._known[path] = self._because(pair, "value", old, new, set()) or (pair.old.path,)
+                    self._known[path] = self._causes_of_value(pair, "value", old, new, set()) or (pair.old.path,)
         return self._known[path]
 
 
@@ -306,5 +306,5 @@ def _names_in(value: Value) -> Iterator[Named]:
 
 def above_of(path: str) -> list[str]:
     """Return the path of a component, followed by the paths of all assemblies that contain the component."""
-    words = path.split("/")
-    return ["/".join(words[:count]) for count in range(len(words), 0, -1)]
+    names = path.split("/")
+    return ["/".join(names[:count]) for count in range(len(names), 0, -1)]

@@ -211,7 +211,7 @@ class _Matching:
         """Return whether a mate connects a component of the old robot to a component that is already matched."""
         return any(other in self.found for how, other in self.old.beside[path] if how[1] == "mate")
 
-    def _refine_colours(self, what: Callable[[ComponentNode], Hashable]) -> dict[tuple[int, str], int]:
+    def _refine_colours(self, initial: Callable[[ComponentNode], Hashable]) -> dict[tuple[int, str], int]:
         """Refine the colours of the unmatched components. Return a mapping from robot (0: old, 1: new) and component path to colour."""
         numbers: dict[Hashable, int] = {}
 
@@ -220,19 +220,19 @@ class _Matching:
 
         sides = (self.old, self.new)
         names: tuple[Callable[[str], str | None], ...] = (self._old_name, self._back.get)
-        now = {(k, path): colour(what(side.nodes[path])) for k, side in enumerate(sides) for path in side.left}
-        parts = len(set(now.values()))
+        colours = {(k, path): colour(initial(side.nodes[path])) for k, side in enumerate(sides) for path in side.left}
+        parts = len(set(colours.values()))
         for round_ in range(ROUNDS):
-            after: dict[tuple[int, str], int] = {}
+            refined: dict[tuple[int, str], int] = {}
             for k, side in enumerate(sides):
                 for path in side.left:
-                    around = sorted((how, names[k](other) or f"#{now[k, other]}") for how, other in side.beside[path])
-                    after[k, path] = colour((round_, now[k, path], tuple(around)))
-            now = after
-            if (split := len(set(now.values()))) == parts:
+                    neighbours = sorted((how, names[k](other) or f"#{colours[k, other]}") for how, other in side.beside[path])
+                    refined[k, path] = colour((round_, colours[k, path], tuple(neighbours)))
+            colours = refined
+            if (split := len(set(colours.values()))) == parts:
                 break
             parts = split
-        return now
+        return colours
 
     def _isomorphic(self, colours: Mapping[tuple[int, str], int]) -> bool:
         """Match all remaining components by a graph isomorphism if the graphs are small. Return whether an isomorphism exists.

@@ -46,14 +46,14 @@ class NameMapping:
     def __init__(self, old: Snapshot, new: Snapshot) -> None:
         self.old, self.new = old, new
         self.components = match(old, new)
-        self._paths: dict[What, dict[str, str]] = {what: {} for what in (*_ORDER, "mate")}
+        self._paths: dict[What, dict[str, str]] = {kind: {} for kind in (*_ORDER, "mate")}
         self._paths["component"] = {"": "", **{path: counterpart.new for path, counterpart in self.components.items()}}
         self._back = {counterpart.new: path for path, counterpart in self.components.items()}
         self.pairs: list[Pair] = []
         self.gone: list[SnapshotElement] = []
         self.come: list[SnapshotElement] = []
-        for what in (*_OWNED, *_ORDER):
-            self._pair(what)
+        for kind in (*_OWNED, *_ORDER):
+            self._match_kind(kind)
 
     # --- names and values --------------------------------------------------------------------------------------------
 
@@ -65,15 +65,15 @@ class NameMapping:
         """Convert the path of a component in the new robot to its path in the old robot. Return None if the component was added."""
         return self._back.get(path)
 
-    def now(self, value: Value) -> Value:
+    def translate(self, value: Value) -> Value:
         """Replace names of elements in a value by the names in the new robot. Names of removed elements do not change."""
         if isinstance(value, tuple):
-            return tuple(self.now(one) for one in value)
+            return tuple(self.translate(one) for one in value)
         if not isinstance(value, Named):
             return value
         mount = value.mount
-        if mount is not None and (there := self._paths["mount"].get(f"{value.path}/{mount}")) is not None:
-            mount = there.rpartition("/")[2]
+        if mount is not None and (new_mount := self._paths["mount"].get(f"{value.path}/{mount}")) is not None:
+            mount = new_mount.rpartition("/")[2]
         return Named(what=value.what, path=self._paths[value.what].get(value.path, value.path), mount=mount)
 
     def same(self, old: Value, new: Value) -> bool:
@@ -81,24 +81,25 @@ class NameMapping:
 
         The order of names in a list is ignored.
         """
-        now = self.now(old)
-        if _names(now) and _names(new):
-            return sorted(map(repr, now)) == sorted(map(repr, new))  # type: ignore[arg-type]
-        return equal(now, new)
+        translated = self.translate(old)
+        if _names(translated) and _names(new):
+            return sorted(map(repr, translated)) == sorted(map(repr, new))  # type: ignore[arg-type]
+        return equal(translated, new)
 
     # --- pairs -------------------------------------------------------------------------------------------------------
 
-    def _pair(self, what: What) -> None:
-        olds = {thing.path: thing for thing in self.old.things.values() if thing.what == what}
-        news = {thing.path: thing for thing in self.new.things.values() if thing.what == what}
+    def _match_kind(self, kind: What) -> None:
+        olds = {thing.path: thing for thing in self.old.things.values() if thing.what == kind}
+        news = {thing.path: thing for thing in self.new.things.values() if thing.what == kind}
         for path, thing in list(olds.items()):
-            there = self._expected_path(thing)
-            if there is not None and there in news:
-                counterpart = self.components.get(path) if what == "component" else None
-                self._take(thing, news.pop(there), counterpart.reason if counterpart else "", counterpart.perhaps if counterpart else False)
+            new_path = self._expected_path(thing)
+            if new_path is not None and new_path in news:
+                counterpart = self.components.get(path) if kind == "component" else None
+                reason, perhaps = (counterpart.reason, counterpart.perhaps) if counterpart else ("", False)
+                self._add_pair(thing, news.pop(new_path), reason, perhaps)
                 del olds[path]
-        if what not in _OWNED:
-            self._match_renamed(what, olds, news)
+        if kind not in _OWNED:
+            self._match_renamed(kind, olds, news)
         self.gone += olds.values()
         self.come += news.values()
 
@@ -108,47 +109,47 @@ class NameMapping:
             return self._paths["component"].get(thing.path)
         if not thing.of:
             return thing.path
-        there = self._paths["component"].get(thing.of)
-        return None if there is None else there + thing.path.removeprefix(thing.of)
+        owner = self._paths["component"].get(thing.of)
+        return None if owner is None else owner + thing.path.removeprefix(thing.of)
 
-    def _take(self, old: SnapshotElement, new: SnapshotElement, reason: str, perhaps: bool = False) -> None:
+    def _add_pair(self, old: SnapshotElement, new: SnapshotElement, reason: str, perhaps: bool = False) -> None:
         self.pairs.append(Pair(old=old, new=new, reason=reason if old.path != new.path else "", perhaps=perhaps))
         self._paths[old.what].setdefault(old.path, new.path)
 
-    def _match_renamed(self, what: What, olds: dict[str, SnapshotElement], news: dict[str, SnapshotElement]) -> None:
+    def _match_renamed(self, kind: What, olds: dict[str, SnapshotElement], news: dict[str, SnapshotElement]) -> None:
         """Match a removed element with an added element if both have equal content. Also match joints that connect the same components."""
-        tests = [(self._says_the_same, "equal definition", False)]
-        if what == "joint":
-            tests.insert(0, (self._connects_the_same, "same connections", False))
-        if what not in ("parameter", "mount"):
-            tests.append((self._says_nearly_the_same, "similar definition", True))
-        for alike, reason, perhaps in tests:
-            after = {path: [there for there, new in news.items() if alike(old, new)] for path, old in olds.items()}
-            before = {there: [path for path, candidates in after.items() if there in candidates] for there in news}
-            for path, candidates in after.items():
-                candidates = [there for there in candidates if there in news]
+        tests = [(self._has_equal_facts, "equal definition", False)]
+        if kind == "joint":
+            tests.insert(0, (self._has_equal_ends, "same connections", False))
+        if kind not in ("parameter", "mount"):
+            tests.append((self._has_similar_facts, "similar definition", True))
+        for matches, reason, perhaps in tests:
+            candidates_of = {path: [new_path for new_path, new in news.items() if matches(old, new)] for path, old in olds.items()}
+            rivals_of = {new_path: [path for path, candidates in candidates_of.items() if new_path in candidates] for new_path in news}
+            for path, candidates in candidates_of.items():
+                candidates = [new_path for new_path in candidates if new_path in news]
                 if not candidates:
                     continue
-                rivals = [one for one in before[candidates[0]] if one in olds]
+                rivals = [one for one in rivals_of[candidates[0]] if one in olds]
                 if len(candidates) == len(rivals) and (len(candidates) == 1 or not perhaps):
                     # elements with equal content are matched in document order
-                    there = candidates[rivals.index(path)] if path in rivals else candidates[0]
-                    self._take(olds[path], news[there], reason, perhaps or len(candidates) > 1)
+                    new_path = candidates[rivals.index(path)] if path in rivals else candidates[0]
+                    self._add_pair(olds[path], news[new_path], reason, perhaps or len(candidates) > 1)
             for pair in self.pairs:
-                if pair.old.what == what:
+                if pair.old.what == kind:
                     olds.pop(pair.old.path, None)
                     news.pop(pair.new.path, None)
 
     def _in_one_document(self, old: SnapshotElement, new: SnapshotElement) -> bool:
         return self._paths["component"].get(old.of) == new.of
 
-    def _says_the_same(self, old: SnapshotElement, new: SnapshotElement) -> bool:
+    def _has_equal_facts(self, old: SnapshotElement, new: SnapshotElement) -> bool:
         return self._in_one_document(old, new) and bool(new.facts) and self._count_equal(old, new) == len([*self.facts(old, new)])
 
-    def _says_nearly_the_same(self, old: SnapshotElement, new: SnapshotElement) -> bool:
+    def _has_similar_facts(self, old: SnapshotElement, new: SnapshotElement) -> bool:
         return self._in_one_document(old, new) and 2 * self._count_equal(old, new) > len([*self.facts(old, new)])
 
-    def _connects_the_same(self, old: SnapshotElement, new: SnapshotElement) -> bool:
+    def _has_equal_ends(self, old: SnapshotElement, new: SnapshotElement) -> bool:
         return "parent" in old.facts and "parent" in new.facts and all(
             self.same(old.facts[key].value, new.facts[key].value) for key in ("parent", "child")
         )
@@ -159,19 +160,19 @@ class NameMapping:
 
     def facts(self, old: SnapshotElement, new: SnapshotElement) -> Iterator[tuple[str, Value, Value]]:
         """Yield the key, the old value and the new value of each property of a matched element. Keys use the names of the new robot."""
-        before = {self._key(old.what, key): fact.value for key, fact in old.facts.items()}
-        for key in {**before, **dict.fromkeys(new.facts)}:
-            after = new.facts[key].value if key in new.facts else None
-            yield key, before.get(key), after
+        old_values = {self._key(old.what, key): fact.value for key, fact in old.facts.items()}
+        for key in {**old_values, **dict.fromkeys(new.facts)}:
+            new_value = new.facts[key].value if key in new.facts else None
+            yield key, old_values.get(key), new_value
 
     def _key(self, what: What, key: str) -> str:
         if what == "pose":
             return self._paths["joint"].get(key, key)
-        head, dot, rest = key.partition(".")
+        head, dot, suffix = key.partition(".")
         if what == "mode" and head in ("hold", "adhesion") and dot:
-            path, _, mount = rest.rpartition(".")
-            now = self.now(Named(what="component", path=path.replace(".", "/"), mount=mount))
-            return f"{head}.{now.text}" if isinstance(now, Named) else key
+            path, _, mount = suffix.rpartition(".")
+            translated = self.translate(Named(what="component", path=path.replace(".", "/"), mount=mount))
+            return f"{head}.{translated.text}" if isinstance(translated, Named) else key
         return key
 
     def old_fact(self, thing: SnapshotElement, key: str) -> str:

@@ -79,23 +79,23 @@ class _Reader:
                 self.assembly_at(f"{prefix}{component.name}/", component.definition)
 
     def _add(
-        self, what: What, path: str, facts: Mapping[str, Fact], *, of: str = "", label: str | None = None, span: Span | None = None,
+        self, kind: What, path: str, facts: Mapping[str, Fact], *, of: str = "", label: str | None = None, span: Span | None = None,
     ) -> None:
-        self.things.append(SnapshotElement(what=what, path=path, facts=facts, label=label, of=of, span=span))
+        self.things.append(SnapshotElement(what=kind, path=path, facts=facts, label=label, of=of, span=span))
 
     def _parameters(self, prefix: str, definition: AssemblyDefinition) -> None:
         """Collect the values and the bounds of the parameters of a nested document."""
-        given = self.written.component(prefix)
+        node = self.written.component(prefix)
         for name, value in definition.parameters:
-            fact = self.written.fact(value, given, ("parameters", name), scope=prefix.rstrip("/").rpartition("/")[0])
-            own = self.written.parameter(definition.document, name)
+            fact = self.written.fact(value, node, ("parameters", name), scope=prefix.rstrip("/").rpartition("/")[0])
+            texts = self.written.parameter(definition.document, name)
             if fact.written is None:
-                text, span = own.get("value", (None, None))
+                text, span = texts.get("value", (None, None))
                 fact = Fact(value=value, written=text, scope=prefix.rstrip("/"), span=span)
             facts = {"value": fact}
             for bound in ("min", "max"):
-                if bound in own:
-                    text, span = own[bound]
+                if bound in texts:
+                    text, span = texts[bound]
                     facts[bound] = Fact(value=self.written.number(text), written=text, span=span)
             self._add("parameter", prefix + name, facts, of=prefix.rstrip("/"), span=fact.span)
 
@@ -103,14 +103,14 @@ class _Reader:
 
     def _component(self, prefix: str, definition: AssemblyDefinition, component: Component) -> None:
         path = prefix + component.name
-        made, occurrence = component.definition, self._occurrences.get(path)
+        target, occurrence = component.definition, self._occurrences.get(path)
         place = None if occurrence is None else self.assembly.rest[occurrence.index]
-        if isinstance(made, PartDefinition):
-            kind, reference, text = "part" if made.kind == "code" else "file", made.reference, made.text
-        elif isinstance(made, AssemblyDefinition):
-            kind, reference, text = "assembly", made.document, made.text
-        elif made is not None:
-            kind, reference, text = "link", "link", made.text
+        if isinstance(target, PartDefinition):
+            kind, reference, text = "part" if target.kind == "code" else "file", target.reference, target.text
+        elif isinstance(target, AssemblyDefinition):
+            kind, reference, text = "assembly", target.document, target.text
+        elif target is not None:
+            kind, reference, text = "link", "link", target.text
         else:
             kind, reference, text = "frame", "frame", "frame"
         self.nodes.append(ComponentNode(path=path, kind=kind, reference=reference, text=text, place=place))
@@ -121,18 +121,18 @@ class _Reader:
             return self.written.fact(value, node, keys, scope=scope, otherwise=component.origin[0])
 
         facts = {kind: fact(reference if kind not in ("link", "frame") else True, kind)}
-        facts["mirror"] = fact(made.mirror if made is not None else None, "mirror")
+        facts["mirror"] = fact(target.mirror if target is not None else None, "mirror")
         material = occurrence.material if occurrence is not None else None
         facts["material"] = fact(Named(what="material", path=material.name) if material is not None else None, "material")
         facts["detail"] = fact(tuple(sorted(component.detail)), "detail")
         facts |= {key: fact(value, *key.split(".")) for key, value in _overrides(component.overrides)}
         facts |= {key: fact(value, *key.split(".")) for key, value in field_values("bom", type(component.bom), component.bom).items()}
-        if isinstance(made, PartDefinition):
-            inner = ("params",) if made.kind == "code" else ()
-            facts |= {".".join((*inner, name)): fact(value, *inner, name) for name, value in made.parameters}
-            for (name, _), words in zip(made.parameters, made.words, strict=False):
+        if isinstance(target, PartDefinition):
+            inner = ("params",) if target.kind == "code" else ()
+            facts |= {".".join((*inner, name)): fact(value, *inner, name) for name, value in target.parameters}
+            for (name, _), text_of_value in zip(target.parameters, target.words, strict=False):
                 key = ".".join((*inner, name))
-                facts[key] = replace(facts[key], words=words)
+                facts[key] = replace(facts[key], words=text_of_value)
         self._add("component", path, facts, of=path, label=component.label, span=component.origin[0])
         self._placement(prefix, definition, component, path, fact)
         for name, mount in component.mounts.items():
@@ -178,8 +178,8 @@ class _Reader:
             self._add("joint", path, facts, label=first.kind.name, of=scope, span=first.origin[0])
             facts = {}
         for joint in coordinates:
-            own = dict(facts) | {key: fact(joint, key, value) for key, value in self._moving(prefix, definition, joint)}
-            self._add("joint", prefix + joint.path.replace(".", "/"), own, label=joint.kind.name, of=scope, span=joint.origin[0])
+            joint_facts = dict(facts) | {key: fact(joint, key, value) for key, value in self._moving(prefix, definition, joint)}
+            self._add("joint", prefix + joint.path.replace(".", "/"), joint_facts, label=joint.kind.name, of=scope, span=joint.origin[0])
 
     def _moving(self, prefix: str, definition: AssemblyDefinition, joint: Joint) -> Iterator[tuple[str, Value]]:
         """Yield the properties of one coordinate of a joint, including values that the joint inherits from its drive."""
@@ -203,9 +203,9 @@ class _Reader:
     def top(self) -> None:
         """Collect the elements that only the top-level document can have, such as modes."""
         assembly, definition = self.assembly, self.assembly.definition
-        raw = {one.dotted: Fact(value=one.value, span=one.origin[0]) for one in assembly.raw}
+        raw = {element.dotted: Fact(value=element.value, span=element.origin[0]) for element in assembly.raw}
         raw |= tendon_facts(assembly) | motion_facts(definition)
-        raw |= {one.dotted: Fact(value=one.text, span=one.origin[0]) for one in assembly.added}
+        raw |= {element.dotted: Fact(value=element.text, span=element.origin[0]) for element in assembly.added}
         self._add("component", "", {"name": Fact(value=definition.name), **raw}, span=definition.origin[0] if definition.origin else None)
         for mode in definition.modes:
             if mode.stated:
@@ -222,14 +222,14 @@ class _Reader:
             }, span=sensor.origin[0])
         for linked in assembly.tests:
             test = linked.test
-            all_of_it = self.written.fact(None, self.written.section(definition.document, "tests", test.name), ()).written
+            text_of_test = self.written.fact(None, self.written.section(definition.document, "tests", test.name), ()).written
             modes = tuple(Named(what="mode", path=name) for name in test.modes)
             poses = tuple(Named(what="pose", path=name) if name is not None else None for name in test.poses)
             facts = {"kind": Fact(value=test.kind)}
             for key, value in (*self._check(definition, test.check), ("mode", modes), ("pose", "all" if test.every_pose else poses)):
                 span = test.spans.get(key)
-                written = self.written.words_at(span) or all_of_it
-                facts[f"{test.kind}.{key}"] = Fact(value=value, written=written, span=span or test.origin[0])
+                text = self.written.words_at(span) or text_of_test
+                facts[f"{test.kind}.{key}"] = Fact(value=value, written=text, span=span or test.origin[0])
             self._add("test", test.name, facts, span=test.origin[0])
         self._materials(definition)
 
@@ -256,9 +256,9 @@ class _Reader:
         if isinstance(value, Pose):
             return tuple(part for _, part in _pose(value))
         if isinstance(value, Mapping):
-            return tuple((str(key), self._plain(definition, one)) for key, one in sorted(value.items()))
+            return tuple((str(key), self._plain(definition, item)) for key, item in sorted(value.items()))
         if isinstance(value, (tuple, list)):
-            return tuple(self._plain(definition, one) for one in value)
+            return tuple(self._plain(definition, item) for item in value)
         if isinstance(value, str) and value in self._edges:
             return Named(what="joint", path=value)
         if isinstance(value, FrozenStruct):

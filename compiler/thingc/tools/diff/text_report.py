@@ -75,7 +75,7 @@ def as_text(answer: DiffResult) -> Iterator[str]:
         yield f"{name}: {answer.old} -> {answer.new}"
         yield from (f"  {line}" for line in _mechanism(comparison))
         yield from (f"  {line.sign} {line.what} {line.named}{line.words}" for line in user_changes(comparison))
-        sentences = list(following(comparison))
+        sentences = list(consequences_of(comparison))
         if sentences:
             yield "  effects:"
             for line in sentences[:FOLLOWING]:
@@ -96,17 +96,17 @@ def as_markdown(answer: DiffResult, pictures: Callable[[str, str], str] | None =
     The text contains the changes in documents, the changed test results, and a collapsible section for each kind of other consequences. The
     function `pictures` returns the URL of a picture, given the name of a document and `before`, `after` or `overlay`.
     """
-    for most in (10_000, 200, 50, 20, 5, 1):
-        text = "\n".join(_markdown(answer, most, pictures)) + "\n"
+    for limit in (10_000, 200, 50, 20, 5, 1):
+        text = "\n".join(_markdown(answer, limit, pictures)) + "\n"
         if len(text.encode()) <= LARGEST:
             return text
     return text.encode()[:LARGEST].decode(errors="ignore")
 
 
-def _markdown(answer: DiffResult, most: int, pictures: Callable[[str, str], str] | None) -> Iterator[str]:
+def _markdown(answer: DiffResult, limit: int, pictures: Callable[[str, str], str] | None) -> Iterator[str]:
     yield f"### {_code(answer.old)} → {_code(answer.new)}"
-    for words, names in (("new", answer.come), ("gone", answer.gone)):
-        yield from (f"- {_code(name)} is {words}" for name in names[:most])
+    for verb, names in (("new", answer.come), ("gone", answer.gone)):
+        yield from (f"- {_code(name)} is {verb}" for name in names[:limit])
     if not any(comparison.changes for _, comparison in answer.documents):
         yield f"\n{NOTHING.capitalize()}." if not answer.come and not answer.gone else ""
     for name, comparison in answer.documents:
@@ -117,25 +117,25 @@ def _markdown(answer: DiffResult, most: int, pictures: Callable[[str, str], str]
             yield from (f"![{_plain(name)}, {key}]({pictures(name, key)})" for key in comparison.pictures)
             yield ""
         yield from (f"- {_code(line)}" for line in _mechanism(comparison))
-        yield from _items(list(user_changes(comparison)), most)
-        outcomes, kinds = outcomes_and_more(comparison)
+        yield from _items(list(user_changes(comparison)), limit)
+        outcomes, kinds = split_consequences(comparison)
         if outcomes:
             yield ""
-            yield from _items(outcomes, most)
-        for what, lines in kinds.items():
-            yield f"\n<details><summary>{TITLES[what]} ({sum(len(line.paths) for line in lines)})</summary>\n"
-            yield from _items(lines, most)
+            yield from _items(outcomes, limit)
+        for kind, lines in kinds.items():
+            yield f"\n<details><summary>{TITLES[kind]} ({sum(len(line.paths) for line in lines)})</summary>\n"
+            yield from _items(lines, limit)
             yield "\n</details>"
         yield from (f"\nNot compared: {unknown}." for unknown in comparison.unknown)
 
 
-def _items(lines: Sequence[ReportLine], most: int) -> Iterator[str]:
-    for line in lines[:most]:
+def _items(lines: Sequence[ReportLine], limit: int) -> Iterator[str]:
+    for line in lines[:limit]:
         because = f" — because of {_code(_join_paths(line.because))}" if line.because else ""
         sign = {"+": "**new** ", "-": "**gone** ", "~": ""}.get(line.sign, "")
         yield f"- {sign}{line.what} {_code(line.named)}{_code(line.words.strip(' :')) if line.words else ''}{because}".replace("``", "` `")
-    if len(lines) > most:
-        yield f"- and {len(lines) - most} more"
+    if len(lines) > limit:
+        yield f"- and {len(lines) - limit} more"
 
 
 def _plain(text: str) -> str:
@@ -157,19 +157,19 @@ def user_changes(comparison: Comparison) -> Iterator[ReportLine]:
     return _lines(change for change in comparison.changes if not change.caused)
 
 
-def following(comparison: Comparison) -> Iterator[ReportLine]:
+def consequences_of(comparison: Comparison) -> Iterator[ReportLine]:
     """Yield the consequences of changes in documents, the most important first.
 
     Changed test results come first. Other consequences are grouped by kind, and each group starts with changes of the whole robot.
     """
-    consequences = [change for change in comparison.changes if change.caused and not _of_a_part(change)]
+    consequences = [change for change in comparison.changes if change.caused and not _is_detail(change)]
     consequences.sort(key=lambda c: (-1 if _decides(c) else _ORDER.index(c.what), c.path != ""))
     return _lines(consequences)
 
 
-def outcomes_and_more(comparison: Comparison) -> tuple[list[ReportLine], dict[What, list[ReportLine]]]:
+def split_consequences(comparison: Comparison) -> tuple[list[ReportLine], dict[What, list[ReportLine]]]:
     """Return the changed test results, and all other consequences of changes in documents, grouped by kind."""
-    follows = list(following(comparison))
+    follows = list(consequences_of(comparison))
     kinds: dict[What, list[ReportLine]] = {}
     for line in follows:
         if not line.decides:
@@ -181,7 +181,7 @@ def _decides(change: Change) -> bool:
     return change.what == "test" and (change.field or "").startswith("passed")
 
 
-def _of_a_part(change: Change) -> bool:
+def _is_detail(change: Change) -> bool:
     """Return whether a change affects the centre of mass or the inertia of a single part or link.
 
     Only JSON output contains such changes.
@@ -195,18 +195,18 @@ def _lines(changes: Iterable[Change]) -> Iterator[ReportLine]:
         measured = change.what == "test" and (change.field or "").startswith("measured.")
         everywhere = replace(change, field=(change.field or "").partition(" [")[0]) if measured else change  # without mode and pose
         grouped.setdefault((change.what, _SIGNS[change.change], _change_text(everywhere)), []).append(change)
-    for (what, sign, words), ones in grouped.items():
-        if len({one.field for one in ones}) == 1:
-            words = _change_text(ones[0])
-        if words == MOVED:
-            distance, angle = (max(motion) for motion in zip(*map(_motion, ones), strict=True))
-            words = ": " + " and ".join([
+    for (kind, sign, text), equal_changes in grouped.items():
+        if len({one.field for one in equal_changes}) == 1:
+            text = _change_text(equal_changes[0])
+        if text == MOVED:
+            distance, angle = (max(motion) for motion in zip(*map(_motion, equal_changes), strict=True))
+            text = ": " + " and ".join([
                 *([f"moved by up to {Quantity(distance, LENGTH).format(3)}"] if distance or not angle else []),
                 *([f"turned by up to {Quantity(angle, ANGLE).format(3)}"] if angle else []),
             ])
-        paths = dict.fromkeys(one.path for one in ones)
-        causes = dict.fromkeys(word for one in ones for word in one.because if word != PERHAPS)
-        yield ReportLine(what=what, sign=sign, paths=tuple(paths), words=words, because=tuple(causes), decides=_decides(ones[0]))
+        paths = dict.fromkeys(one.path for one in equal_changes)
+        causes = dict.fromkeys(word for one in equal_changes for word in one.because if word != PERHAPS)
+        yield ReportLine(what=kind, sign=sign, paths=tuple(paths), words=text, because=tuple(causes), decides=_decides(equal_changes[0]))
 
 
 def _motion(change: Change) -> tuple[float, float]:
@@ -260,9 +260,9 @@ def _value(field: str, value: DisplayValue) -> str:
         return "[" + ", ".join(_value(field, one) for one in value) + "]"
     if isinstance(value, str):
         return value
-    words = field.partition(" [")[0].split(".")
-    first, last = words[0], words[-1]
-    if last in ("min", "max") and len(words) == 2:  # `reach.min` of a test
+    keys = field.partition(" [")[0].split(".")
+    first, last = keys[0], keys[-1]
+    if last in ("min", "max") and len(keys) == 2:  # `reach.min` of a test
         last = first
     if last in ("mass", "value") and "mass" in field:
         return str(Quantity(value, MASS))
@@ -292,8 +292,8 @@ def as_html(differences: DiffResult) -> str:
 
 
 def _body(differences: DiffResult) -> Iterator[str]:
-    for words, names in (("new", differences.come), ("gone", differences.gone)):
-        yield from (f"<p><code>{html_text(name)}</code> is {words}</p>" for name in names)
+    for verb, names in (("new", differences.come), ("gone", differences.gone)):
+        yield from (f"<p><code>{html_text(name)}</code> is {verb}</p>" for name in names)
     for name, comparison in differences.documents:
         yield f"<h2><code>{html_text(name)}</code></h2>"
         if not comparison.changes:
@@ -301,23 +301,23 @@ def _body(differences: DiffResult) -> Iterator[str]:
             continue
         if comparison.pictures:
             pngs = (base64.b64encode(comparison.pictures[key]).decode() for key in ("before", "after", "overlay"))
-            before, after, overlay = (f"data:image/png;base64,{png}" for png in pngs)
+            old_url, new_url, overlay = (f"data:image/png;base64,{png}" for png in pngs)
             yield '<div class="slider">'
-            yield f'<img src="{before}" alt="before"><img class="after" src="{after}" alt="after">'
+            yield f'<img src="{old_url}" alt="before"><img class="after" src="{new_url}" alt="after">'
             yield (
                 '<input type="range" min="0" max="100" value="50" aria-label="from before to after" '
                 "oninput=\"this.parentNode.style.setProperty('--at', this.value + '%')\"></div>"
             )
         yield from (f"<p>{html_text(line)}</p>" for line in _mechanism(comparison))
         yield from _list(user_changes(comparison))
-        outcomes, kinds = outcomes_and_more(comparison)
+        outcomes, kinds = split_consequences(comparison)
         if outcomes:
             yield from _list(outcomes)
         if comparison.pictures:
             yield "<details open><summary>added (green), changed (orange), moved (blue)</summary>"
             yield f'<img class="overlay" src="{overlay}" alt="changes in colour"></details>'
-        for what, sentences in kinds.items():
-            yield f"<details><summary>{TITLES[what]} ({sum(len(one.paths) for one in sentences)})</summary>"
+        for kind, sentences in kinds.items():
+            yield f"<details><summary>{TITLES[kind]} ({sum(len(one.paths) for one in sentences)})</summary>"
             yield from _list(sentences)
             yield "</details>"
         yield from (f"<p>Not compared: {html_text(unknown)}.</p>" for unknown in comparison.unknown)

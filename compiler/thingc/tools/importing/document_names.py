@@ -28,36 +28,36 @@ def plain_name(name: str, kind: str) -> str:
     If the name does not start with a letter, the function prepends `kind`. If the name is reserved, or if YAML does not parse the name as a
     string, the function appends `kind`.
     """
-    word = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_")[:LONGEST] or kind
-    if not _NAME.fullmatch(word):
-        word = f"{kind}_{word}"
-    return f"{word}_{kind}" if word.lower() in RESERVED or not isinstance(core_value(word), str) else word
+    plain = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_")[:LONGEST] or kind
+    if not _NAME.fullmatch(plain):
+        plain = f"{kind}_{plain}"
+    return f"{plain}_{kind}" if plain.lower() in RESERVED or not isinstance(core_value(plain), str) else plain
 
 
-def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = (), earlier: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Map each name in `names` to a unique document name that is not in `taken`. Names that differ only in case count as equal.
+def distinct(names: Iterable[str], kind: str, reserved: Iterable[str] = (), earlier: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Map each name in `names` to a unique document name that is not in `reserved`. Names that differ only in case count as equal.
 
     A name in the mapping `earlier`, from an earlier import, keeps its document name. A valid name does not change, and has precedence over
     an equal name that results from a conversion.
     """
-    used, wanted = {one.lower() for one in taken}, list(dict.fromkeys(names))
-    words: dict[str, str] = {}
-    for name in wanted:
-        word = (earlier or {}).get(name)
-        if word is not None and word.lower() not in used and plain_name(word, kind) == word:
-            words[name] = word
-            used.add(word.lower())
-    for name in sorted(wanted, key=lambda name: plain_name(name, kind) != name):
-        if name in words:
+    used, unique_names = {one.lower() for one in reserved}, list(dict.fromkeys(names))
+    document_names: dict[str, str] = {}
+    for name in unique_names:
+        candidate = (earlier or {}).get(name)
+        if candidate is not None and candidate.lower() not in used and plain_name(candidate, kind) == candidate:
+            document_names[name] = candidate
+            used.add(candidate.lower())
+    for name in sorted(unique_names, key=lambda name: plain_name(name, kind) != name):
+        if name in document_names:
             continue
         plain = plain_name(name, kind)
-        number, word = 1, plain
-        while word.lower() in used:
+        number, candidate = 1, plain
+        while candidate.lower() in used:
             number += 1
-            word = f"{plain}_{number}"
-        used.add(word.lower())
-        words[name] = word
-    return {name: words[name] for name in wanted}
+            candidate = f"{plain}_{number}"
+        used.add(candidate.lower())
+        document_names[name] = candidate
+    return {name: document_names[name] for name in unique_names}
 
 
 class DocumentNaming:
@@ -73,8 +73,8 @@ class DocumentNaming:
         self.robot, self.meshes = robot, meshes
         self.name = plain_name(robot.name, "robot")
         self.link_of = {link.name: link for link in robot.links}
-        self.below = by_parent(robot.hangings)
-        self.order = tuple(downwards(robot.root, robot.hangings))
+        self.below = by_parent(robot.attachments)
+        self.order = tuple(downwards(robot.root, robot.attachments))
         self.above = {one.child: one for one in self.order}
         self.moving = [joint for one in self.order for joint in one.joints]
         self.places: dict[Path, Span] = {(): robot.where}
@@ -84,45 +84,45 @@ class DocumentNaming:
         self.frames = {name: names[name] for name in mounts}
         self.points = self._points(names.values())
         sites = [site.name for link in robot.links for site in link.sites]
-        self.sites = distinct(sites, "mount", taken=names.values(), earlier=self._paths(sites))
+        self.sites = distinct(sites, "mount", reserved=names.values(), earlier=self._paths(sites))
         moving = [joint.name for joint in self.moving]
         self.joints = distinct(moving, "joint", earlier=None if earlier is None else earlier.joints)
-        self.loops = distinct([loop.name for loop in robot.loops], "loop", taken=self.joints.values())
+        self.loops = distinct([loop.name for loop in robot.loops], "loop", reserved=self.joints.values())
         # the mounts of joints and the exported mounts of a component must have different names
         self.shown = [*self.frames.values(), *self.sites.values()]
-        self.mounts = distinct(moving, "joint", taken=self.shown, earlier=self.joints)
-        self.ends = distinct(self.loops.values(), "loop", taken=[*self.shown, *self.mounts.values()])
-        taken = [*self.shown, *self.mounts.values(), *self.ends.values()]
+        self.mounts = distinct(moving, "joint", reserved=self.shown, earlier=self.joints)
+        self.ends = distinct(self.loops.values(), "loop", reserved=[*self.shown, *self.mounts.values()])
+        used_mounts = [*self.shown, *self.mounts.values(), *self.ends.values()]
         self.magnets: dict[str, str] = {}
         for link in self.links:  # mounts of joints are not exported, so the mounts of two links can have the same name
             on = [one.name for one in robot.adhesions if one.link == link]
-            self.magnets |= distinct(on, "magnet", taken=taken, earlier=self._paths(on))
-        taken += self.magnets.values()
+            self.magnets |= distinct(on, "magnet", reserved=used_mounts, earlier=self._paths(on))
+        used_mounts += self.magnets.values()
         places = {one.name: (one.link, one.pose) for one in robot.sensors if one.kind == "camera" and one.link is not None}
-        self.cameras = self._name_mounts(places, "camera", taken)
-        around = [step.around for one in robot.tendons for step in one.steps if step.around is not None]
-        self.centres = self._name_mounts({one.name: (one.link, one.pose) for one in around}, "shape", [*taken, *self.cameras.values()])
+        self.cameras = self._name_mounts(places, "camera", used_mounts)
+        wraps = [step.around for one in robot.tendons for step in one.steps if step.around is not None]
+        self.centres = self._name_mounts({one.name: (one.link, one.pose) for one in wraps}, "shape", [*used_mounts, *self.cameras.values()])
         joints = [*self.joints.values(), *self.loops.values()]
-        self.tendons = distinct([one.name for one in robot.tendons], "tendon", taken=joints)
+        self.tendons = distinct([one.name for one in robot.tendons], "tendon", reserved=joints)
         stems = [word.rpartition("_")[0] for word in (*joints, *self.tendons.values())]  # `wrist_0` is a drive of the differential `wrist`
-        self.transmissions = distinct([one.name for one in robot.transmissions], "transmission", taken=stems)
+        self.transmissions = distinct([one.name for one in robot.transmissions], "transmission", reserved=stems)
         self.sensors: list[str] = []
         for sensor in robot.sensors:
             things = self.joints if sensor.joint is not None else self.tendons if sensor.tendon is not None else self.sites
-            self.sensors += distinct([things.get(sensor.name, sensor.name)], "sensor", taken=self.sensors).values()
-        both: list[tuple[str, SourceMotion]] = [(self.joints[one.name], one) for one in self.moving]
-        both += [(self.tendons[one.name], one) for one in robot.tendons]
-        self.driven = [(word, one.name, one.drive) for word, one in both if one.drive is not None]
+            self.sensors += distinct([things.get(sensor.name, sensor.name)], "sensor", reserved=self.sensors).values()
+        motions: list[tuple[str, SourceMotion]] = [(self.joints[one.name], one) for one in self.moving]
+        motions += [(self.tendons[one.name], one) for one in robot.tendons]
+        self.driven = [(word, one.name, one.drive) for word, one in motions if one.drive is not None]
         drives = [word for name, word in (*self.joints.items(), *self.tendons.items()) if name != word]
         drives += [word for word, _, _ in self.driven]
         self.added = self._name_added(drives)
         self.poses = distinct([one.name for one in robot.poses], "pose")
         self.usual = {id(shape): name for link in self.links for shape, name in self._usual(link)}
 
-    def entry(self, section: str, word: str, thing: SourceThing) -> str:
+    def entry(self, section: str, name: str, thing: SourceThing) -> str:
         """Return the line that begins an entry of a section of the document, and record the source location of the entry."""
-        self.places[section, word] = thing.where
-        return f"  {word}:{was(word, thing.name)}"
+        self.places[section, name] = thing.where
+        return f"  {name}:{was(name, thing.name)}"
 
     @cached_property
     def turning(self) -> set[str]:
@@ -138,16 +138,16 @@ class DocumentNaming:
 
     @property
     def geared(self) -> set[str]:
-        """The source names of the joints with a transmission of their own."""
+        """The source names of the joints that have a transmission with one actuator."""
         return {one.joints[0] for one in self.robot.transmissions if len(one.joints) == 1}
 
-    def _points(self, taken: Collection[str]) -> dict[str, str]:
+    def _points(self, reserved: Collection[str]) -> dict[str, str]:
         """Return component names for the point masses of the links that have a mass and shapes, but no inertia."""
         named: dict[str, str] = {}
         for link in self.robot.links:
             if link.weight is not None and not any(map(any, link.weight.properties.inertia)) and any(map(self.is_shown, link.shapes)):
-                word = f"{self.links[link.name]}_mass"
-                named[link.name] = distinct([word], "link", taken=taken)[word]
+                component = f"{self.links[link.name]}_mass"
+                named[link.name] = distinct([component], "link", reserved=reserved)[component]
         return named
 
     def _name_added(self, drives: list[str]) -> dict[tuple[str, str], str]:
@@ -157,9 +157,9 @@ class DocumentNaming:
         """
         added: dict[tuple[str, str], str] = {}
         for element in self.robot.added:
-            name, taken = element.name, drives if element.section == "actuator" else []
-            plain = distinct([name], element.section, taken=[*taken, *added.values()])[name]
-            added[element.section, name] = name if not name or is_file_name(name) and name not in taken else plain
+            name, drive_names = element.name, drives if element.section == "actuator" else []
+            plain = distinct([name], element.section, reserved=[*drive_names, *added.values()])[name]
+            added[element.section, name] = name if not name or is_file_name(name) and name not in drive_names else plain
         return added
 
     def _paths(self, names: Sequence[str]) -> dict[str, str]:
@@ -170,35 +170,34 @@ class DocumentNaming:
         """
         prefixes = tuple(f"{word}/" for word in self.links.values())
         mounts = {name: name.rpartition("/")[2] for name in names if name.startswith(prefixes)}
-        wanted = Counter([*names, *mounts.values()])
-        return {name: mount for name, mount in mounts.items() if wanted[mount] == 1 and mount.lower() not in RESERVED}
+        counts = Counter([*names, *mounts.values()])
+        return {name: mount for name, mount in mounts.items() if counts[mount] == 1 and mount.lower() not in RESERVED}
 
     def _name_mounts(self, places: Mapping[str, tuple[str, Pose]], kind: str, taken: Iterable[str]) -> dict[str, str]:
         """Return the name of a mount for each pose in `places`. If a mount with the same pose exists, its name is returned.
 
         `places` maps source names to a link and a pose in the frame of the link.
         """
-        there = {
+        existing = {
             name: next((word for word, at in self._shown_on(link) if same_place(at, pose)), None) for name, (link, pose) in places.items()
         }
-        words = distinct([name for name, word in there.items() if word is None], kind, taken=taken)
-        return {name: word or words[name] for name, word in there.items()}
+        new_names = distinct([name for name, word in existing.items() if word is None], kind, reserved=taken)
+        return {name: word or new_names[name] for name, word in existing.items()}
 
     def _shown_on(self, link: str) -> Iterator[tuple[str, Pose]]:
         """Yield the name of each exported mount of a link, and the pose of the mount in the frame of the link."""
         yield from ((self.sites[site.name], site.pose) for site in self.link_of[link].sites)
         yield from ((self.frames[one.child], one.pose) for one in self.below.get(link, ()) if one.child in self.frames)
 
-    def _is_mount(self, one: Attachment) -> bool:
-        link = self.link_of[one.child]
-        return not (one.joints or link.weight or link.shapes or one.child in self.below)
+    def _is_mount(self, attachment: Attachment) -> bool:
+        link = self.link_of[attachment.child]
+        return not (attachment.joints or link.weight or link.shapes or attachment.child in self.below)
 
     def in_files(self) -> dict[str, dict[str, str]]:
-        """Return the section `names` of the document.
+        """Return the section `names` of the document, which maps document names to names in generated models for each kind of element.
 
-        For each kind of element, the section maps document names to names in generated models. The section contains only elements whose
-        source name differs from their default name in generated models. If two elements have the same source name, only the first element
-        is included. Links precede sites.
+        The section contains only elements whose source name differs from their default name in generated models. If two elements have the
+        same source name, only the first element is included. Links precede sites.
         """
         moving = {one.name: self.loops[one.name] for one in self.robot.loops if one.kind != "fixed"}  # welds are not joints
         kinds: dict[str, list[tuple[str, str, str]]] = {  # entries: document name, source name, default name in models
@@ -219,11 +218,11 @@ class DocumentNaming:
         }
         names: dict[str, dict[str, str]] = {}
         for kind, things in kinds.items():
-            taken = {*TAKEN.get(kind, ()), *(self.links if kind == "mounts" else ())}
+            used_names = {*TAKEN.get(kind, ()), *(self.links if kind == "mounts" else ())}
             for word, name, usual in things:
-                if name not in taken and name != usual and is_file_name(name):
+                if name not in used_names and name != usual and is_file_name(name):
                     names.setdefault(kind, {})[word] = name
-                taken.add(name)
+                used_names.add(name)
         return names
 
     def others(self) -> dict[str, dict[str, str]]:
@@ -279,27 +278,27 @@ class DocumentNaming:
         A visual shape and a collision shape become one item if they have the same kind, size, pose and mesh. The order of the visual shapes
         and the order of the collision shapes do not change.
         """
-        shown = [shape for shape in link.shapes if self.is_shown(shape)]
-        alone = [shape for shape in shown if shape.use == "collision"]
-        drawn_as: dict[int, SourceShape] = {}
-        for same in (True, False):  # first pair shapes from the same source element, and then other equal shapes
-            for number, shape in enumerate(shown):
-                like = [
-                    one for one in alone if _form(one) == _form(shape) and (one.where == shape.where or not same)
-                    and ((name := self.title(shape)) in (None, (own := self.title(one))) or name.startswith(f"{own}:visual"))
+        shapes = [shape for shape in link.shapes if self.is_shown(shape)]
+        collisions = [shape for shape in shapes if shape.use == "collision"]
+        collision_of: dict[int, SourceShape] = {}
+        for same_element in (True, False):  # first pair shapes from the same source element, and then other equal shapes
+            for number, shape in enumerate(shapes):
+                matching = [
+                    one for one in collisions if _form(one) == _form(shape) and (one.where == shape.where or not same_element)
+                    and ((name := self.title(shape)) in (None, (own_title := self.title(one))) or name.startswith(f"{own_title}:visual"))
                 ]
-                if shape.use == "visual" and number not in drawn_as and like:
-                    drawn_as[number] = like[0]
-                    alone = [one for one in alone if one is not like[0]]
-        place = {id(shape): number for number, shape in enumerate(shown)}
-        for number, shape in enumerate(shown):
-            touch = drawn_as.get(number)
-            while alone and touch is not None and place[id(alone[0])] < place[id(touch)]:
-                yield alone[0], alone.pop(0)
+                if shape.use == "visual" and number not in collision_of and matching:
+                    collision_of[number] = matching[0]
+                    collisions = [one for one in collisions if one is not matching[0]]
+        place = {id(shape): number for number, shape in enumerate(shapes)}
+        for number, shape in enumerate(shapes):
+            collision = collision_of.get(number)
+            while collisions and collision is not None and place[id(collisions[0])] < place[id(collision)]:
+                yield collisions[0], collisions.pop(0)
             if shape.use == "visual":
-                yield shape, touch
-            elif alone and alone[0] is shape:
-                yield shape, alone.pop(0)
+                yield shape, collision
+            elif collisions and collisions[0] is shape:
+                yield shape, collisions.pop(0)
 
     def is_shown(self, shape: SourceShape) -> bool:
         """Return whether the document contains a shape of the source. Only meshes that were not imported are missing from the document."""

@@ -62,7 +62,7 @@ def refuse_endless(robot: SourceRobot, report: Report) -> None:
         elif (most := max(map(abs, of.centre))) > FARTHEST:
             message = f"the centre of mass of link `{link.name}` is {most:.3g} m away, but at most {FARTHEST:g} m is supported"
             report.add(Code.SOURCE_VALUE, message, where, help=_METRES)
-    for one in robot.hangings:
+    for one in robot.attachments:
         if (most := max(map(abs, one.pose.translation))) > FARTHEST:
             message = f"link `{one.child}` is {most:.3g} m from its parent, but at most {FARTHEST:g} m is supported"
             report.add(Code.SOURCE_VALUE, message, one.where, help=_METRES)
@@ -95,14 +95,14 @@ def import_robot(path: str, report: Report, request: ImportRequest = PLAIN) -> I
     if data is None or robot is None:
         return None
     refuse_endless(robot, report)
-    before = request.earlier(plain_name(robot.name, "robot"))
+    earlier = request.earlier(plain_name(robot.name, "robot"))
     links = [link.name for link in robot.links]
     for name in (one for one in request.roots if one not in links):
         report.add(Code.COMMAND_LINE, f"--root: there is no link `{name}`", None, help=did_you_mean(name, links, what="links"))
     roots, repair, meshes, keep = request.roots, request.repair, request.meshes, request.keep
-    if request.update and before is not None:
-        roots, repair = [*(name for name in before.roots if name in links), *roots], repair or before.repair
-        meshes, keep = meshes and before.with_meshes, keep or before.keep
+    if request.update and earlier is not None:
+        roots, repair = [*(name for name in earlier.roots if name in links), *roots], repair or earlier.repair
+        meshes, keep = meshes and earlier.with_meshes, keep or earlier.keep
     elif request.update:
         message = "--update: there is no import in that folder, or its `import.json` has been modified"
         report.add(Code.COMMAND_LINE, message, None, help="specify the folder with -o, or import without --update")
@@ -110,7 +110,7 @@ def import_robot(path: str, report: Report, request: ImportRequest = PLAIN) -> I
         return None
     roots = list(dict.fromkeys(roots))
     places = Packages(path, request.packages, os.environ, request.mesh_roots, robot.mesh_folder)
-    robot, mended = repair_inertias(
+    robot, repaired = repair_inertias(
         robot, roots, repair, report, matter_of(places),
     ) if meshes else repair_inertias(robot, roots, repair, report)
     if report.failed:
@@ -121,26 +121,26 @@ def import_robot(path: str, report: Report, request: ImportRequest = PLAIN) -> I
     warn_of_units(robot, files, placed_meshes, report)
     if report.failed:
         return None
-    origin, hows = escape_control(os.path.basename(path)), {one.link.name: one.how for one in mended}
-    writer = DocumentWriter(robot, roots, origin, hows, placed_meshes, before, keep=keep)
-    document, text = f"{writer.name}.yaml" if before is None else before.document, writer.text()
+    origin, hows = escape_control(os.path.basename(path)), {one.link.name: one.how for one in repaired}
+    writer = DocumentWriter(robot, roots, origin, hows, placed_meshes, earlier, keep=keep)
+    document, text = f"{writer.name}.yaml" if earlier is None else earlier.document, writer.text()
     names = {"links": writer.links, "frames": writer.frames, "joints": writer.joints}
     imported = Imported(
         name=writer.name, document=document, robot=robot, files={**files, document: text.encode()},
-        losses=(*robot.losses, *left_out), repaired=mended, places=writer.places, earlier=before,
-        renamed={name: word for kind in names.values() for name, word in kind.items() if name != word},
+        losses=(*robot.losses, *left_out), repaired=repaired, places=writer.places, earlier=earlier,
+        renamed={name: new_name for kind in names.values() for name, new_name in kind.items() if name != new_name},
     )
-    asked = {"roots": roots, "repair": repair, "meshes": meshes, **({"keep": True} if keep else {})}
-    record = _record(imported, {**names, **writer.others()}, asked, path, data)
+    options = {"roots": roots, "repair": repair, "meshes": meshes, **({"keep": True} if keep else {})}
+    record = _record(imported, {**names, **writer.others()}, options, path, data)
     return replace(imported, files={**imported.files, RECORD: record})
 
 
 def _content(path: str, report: Report) -> bytes | None:
     """Return the content of a file. If the file cannot be read or has an unsupported suffix, report an error and return None."""
     if not path.lower().endswith(ENDINGS):
-        known = ", ".join(f"`{one}`" for one in ENDINGS)
-        what = "a folder, not a file" if os.path.isdir(path) else "not of a supported format"
-        report.add(Code.COMMAND_LINE, f"`{os.path.basename(os.path.abspath(path))}` is {what}: {known}", None)
+        known = ", ".join(f"`{ending}`" for ending in ENDINGS)
+        problem = "a folder, not a file" if os.path.isdir(path) else "not of a supported format"
+        report.add(Code.COMMAND_LINE, f"`{os.path.basename(os.path.abspath(path))}` is {problem}: {known}", None)
         return None
     try:
         return beginning(path, MOST_BYTES + 1)
@@ -154,8 +154,8 @@ def _load_source(
 ) -> SourceRobot | None:
     """Read the robot with the reader that supports the suffix of the file. A file with the suffix `.xml` can be MJCF or URDF."""
     if path.lower().endswith(".xacro"):
-        made = expand_xacro(path, arguments, packages.given, report)
-        return None if made is None else read_urdf(path, made[0], report, files=made[1])
+        expanded = expand_xacro(path, arguments, packages.given, report)
+        return None if expanded is None else read_urdf(path, expanded[0], report, files=expanded[1])
     if path.lower().endswith(".xml"):
         root = read_xml(path, data, report)
         if root is None or root.tag == "mujoco":
@@ -163,7 +163,7 @@ def _load_source(
     return read_sdf(path, data, packages, report) if path.lower().endswith(".sdf") else read_urdf(path, data, report)
 
 
-def _record(imported: Imported, names: Mapping[str, Mapping[str, str]], asked: Mapping[str, object], path: str, data: bytes) -> bytes:
+def _record(imported: Imported, names: Mapping[str, Mapping[str, str]], options: Mapping[str, object], path: str, data: bytes) -> bytes:
     """Return the JSON data of the file `import.json`, which describes an import.
 
     The next import of the same robot reads this file. The data contain the source, the options, the names, the repairs, the losses, and the
@@ -171,12 +171,12 @@ def _record(imported: Imported, names: Mapping[str, Mapping[str, str]], asked: M
     """
     content = imported.files[imported.document]
     losses = [
-        {"what": one.what, "why": one.why, "file": os.path.basename(one.where.file), "line": one.where.line} for one in imported.losses
+        {"what": loss.what, "why": loss.why, "file": os.path.basename(loss.where.file), "line": loss.where.line} for loss in imported.losses
     ]
-    said = {
+    data_of_import = {
         "import": 1,
         "source": {"file": os.path.basename(path), "sha256": hashlib.sha256(data).hexdigest(), "robot": imported.robot.name},
-        "asked": asked,
+        "asked": options,
         "meshes": {name: hashlib.sha256(content).hexdigest() for name, content in imported.files.items() if name != imported.document},
         "names": names,
         "repaired": [
@@ -191,7 +191,7 @@ def _record(imported: Imported, names: Mapping[str, Mapping[str, str]], asked: M
             "file": imported.document, "sha256": hashlib.sha256(content).hexdigest(), "lines": content.decode().splitlines(),
         },
     }
-    return (json.dumps(said, indent=2, ensure_ascii=False) + "\n").encode()
+    return (json.dumps(data_of_import, indent=2, ensure_ascii=False) + "\n").encode()
 
 
 def _weight(of: MassProperties | None) -> dict[str, object] | None:

@@ -43,35 +43,35 @@ class RepairedLink(FrozenStruct):
 
 
 def repair_inertias(
-    robot: SourceRobot, roots: Sequence[str], how: Repair | None, report: Report, matter: Matter = lambda _: None,
+    robot: SourceRobot, roots: Sequence[str], method: Repair | None, report: Report, matter: Matter = lambda _: None,
 ) -> tuple[SourceRobot, tuple[RepairedLink, ...]]:
     """Repair the invalid inertias of an imported robot. Return the robot and the links that were repaired.
 
-    The function checks the bodies in the mode `source` and in one mode for each link in `roots`. If `how` is None, or if the method `how`
+    The function checks the bodies in the mode `source` and in one mode for each link in `roots`. If `method` is None, or if this method
     cannot repair an inertia, the function reports an error. The function `matter` computes the mass properties of a shape's mesh.
     """
     between = _intermediate_links(robot)
-    bodies, done = _bodies(robot), dict[str, RepairedLink]()
+    bodies, repaired_links = _bodies(robot), dict[str, RepairedLink]()
     head = {link.name: body for body, members in bodies.items() for link, _ in members}
-    still = {None if robot.base == "free" else robot.root, *(head[name] for name in roots)}
+    fixed_bodies = {None if robot.base == "free" else robot.root, *(head[name] for name in roots)}
     for body, members in bodies.items():
         if body in between:
             continue
-        judged = _find_fault if still == {body} else _fault
-        fault = judged(members)
+        find_fault = _find_fault if fixed_bodies == {body} else _fault
+        fault = find_fault(members)
         if fault is None:
             continue
         worst = [link for link, _ in members if link.weight is not None and physical_fault(link.weight.properties.inertia) is not None]
         worst = worst or [members[0][0]]
-        changed = [one for link in worst if (one := _repair(link, how, matter)) is not None]
+        changed = [one for link in worst if (one := _repair(link, method, matter)) is not None]
         new = {one.link.name: _repaired_link(one) for one in changed}
-        if how is not None and judged([(new.get(link.name, link), pose) for link, pose in members]) is None:
-            done.update((one.link.name, one) for one in changed)
+        if method is not None and find_fault([(new.get(link.name, link), pose) for link, pose in members]) is None:
+            repaired_links.update((one.link.name, one) for one in changed)
         else:
-            moves = "does not move, but" if still == {body} else "moves, but cannot be simulated:"
-            _refuse(f"link `{body}` {moves} {fault}", worst, [link for link, _ in members], how, report)
-    links = tuple(_repaired_link(done[link.name]) if link.name in done else link for link in robot.links)
-    return replace(robot, links=links), tuple(done.values())
+            moves = "does not move, but" if fixed_bodies == {body} else "moves, but cannot be simulated:"
+            _refuse(f"link `{body}` {moves} {fault}", worst, [link for link, _ in members], method, report)
+    links = tuple(_repaired_link(repaired_links[link.name]) if link.name in repaired_links else link for link in robot.links)
+    return replace(robot, links=links), tuple(repaired_links.values())
 
 
 def _bodies(robot: SourceRobot) -> Mapping[str, list[tuple[SourceLink, Pose]]]:
@@ -79,36 +79,36 @@ def _bodies(robot: SourceRobot) -> Mapping[str, list[tuple[SourceLink, Pose]]]:
 
     Return the links of each body and their poses in the frame of the first link, keyed by the name of the first link.
     """
-    links, below = {link.name: link for link in robot.links}, by_parent(robot.hangings)
+    links, below = {link.name: link for link in robot.links}, by_parent(robot.attachments)
     bodies: dict[str, list[tuple[SourceLink, Pose]]] = {robot.root: [(links[robot.root], NO_POSE)]}
     waiting = [(robot.root, robot.root, NO_POSE)]
     while waiting:
         body, name, pose = waiting.pop()
-        for one in below.get(name, ()):
-            first, place = (one.child, NO_POSE) if one.joints else (body, pose @ one.pose)
-            bodies.setdefault(first, []).append((links[one.child], place))
-            waiting.append((first, one.child, place))
+        for attachment in below.get(name, ()):
+            first, place = (attachment.child, NO_POSE) if attachment.joints else (body, pose @ attachment.pose)
+            bodies.setdefault(first, []).append((links[attachment.child], place))
+            waiting.append((first, attachment.child, place))
     return bodies
 
 
 def _intermediate_links(robot: SourceRobot) -> set[str]:
     """Return the names of the massless intermediate links, which only connect two joints."""
-    links, below = {link.name: link for link in robot.links}, by_parent(robot.hangings)
+    links, below = {link.name: link for link in robot.links}, by_parent(robot.attachments)
     return {
-        one.child for one in robot.hangings
+        one.child for one in robot.attachments
         if one.joints and links[one.child].is_bare and [bool(other.joints) for other in below.get(one.child, ())] == [True]
     }
 
 
 def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
     """Return the reason why simulators reject the inertia of a moving body, or None if the inertia is valid."""
-    whole = _whole(members)
-    if whole.mass <= LEAST_MASS:
+    body = _whole(members)
+    if body.mass <= LEAST_MASS:
         return "it has no mass"
-    moments = principal_moments(whole.inertia)
+    moments = principal_moments(body.inertia)
     if moments[0] <= 0.0 and max(map(abs, moments)) == 0.0:
         return "it has no inertia"
-    fault = physical_fault(whole.inertia)
+    fault = physical_fault(body.inertia)
     if fault is None and moments[0] < LEAST_MOMENT:
         return f"its smallest moment of inertia is {moments[0]:.3g} kg m^2, but simulators require {LEAST_MOMENT:g}"
     return fault
@@ -126,36 +126,36 @@ def _whole(members: Sequence[tuple[SourceLink, Pose]]) -> MassProperties:
     return total([link.weight.properties.seen_from(pose) for link, pose in members if link.weight is not None])
 
 
-def _refuse(said: str, worst: Sequence[SourceLink], members: Sequence[SourceLink], how: Repair | None, report: Report) -> None:
+def _refuse(message: str, worst: Sequence[SourceLink], members: Sequence[SourceLink], method: Repair | None, report: Report) -> None:
     first = worst[0]
     where = first.where if first.weight is None else first.weight.where
     help = {
         None: "correct it, or import the robot with `--repair inertia=nearest` (the nearest physical inertia) or `--repair inertia=shapes`",
         "shapes": "the link has no closed shapes from which the inertia could be computed: use `--repair inertia=nearest`",
         "nearest": "write the mass and the inertia of these links into the file",
-    }[how]
+    }[method]
     notes = [
         Note(message=f"`{link.name}` is fixed to it{', and has no physical inertia either' if link in worst else ''}", span=link.where)
         for link in members if link is not first and link.weight is not None
     ][:5]
-    report.add(Code.SOURCE_INERTIA, said, where, help=help, notes=notes)
+    report.add(Code.SOURCE_INERTIA, message, where, help=help, notes=notes)
 
 
-def _repaired_link(one: RepairedLink) -> SourceLink:
-    where = one.link.where if one.link.weight is None else one.link.weight.where
-    return replace(one.link, weight=Weight(properties=one.new, where=where))
+def _repaired_link(repaired: RepairedLink) -> SourceLink:
+    where = repaired.link.where if repaired.link.weight is None else repaired.link.weight.where
+    return replace(repaired.link, weight=Weight(properties=repaired.new, where=where))
 
 
-def _repair(link: SourceLink, how: Repair | None, matter: Matter) -> RepairedLink | None:
-    """Repair the inertia of a link. Return None if the method `how` cannot repair the inertia."""
+def _repair(link: SourceLink, method: Repair | None, matter: Matter) -> RepairedLink | None:
+    """Repair the inertia of a link. Return None if the method cannot repair the inertia."""
     old = MassProperties(mass=0.0) if link.weight is None else link.weight.properties
-    if how is None:
+    if method is None:
         return None
-    if how == "shapes":
+    if method == "shapes":
         solid = _solid(link.shapes, matter)
-        return None if solid is None or old.mass <= 0.0 else RepairedLink(link=link, new=solid.with_mass(old.mass), how=how)
+        return None if solid is None or old.mass <= 0.0 else RepairedLink(link=link, new=solid.with_mass(old.mass), how=method)
     mass = old.mass if old.mass > LEAST_MASS else LEAST
-    return RepairedLink(link=link, new=replace(old, mass=mass, inertia=nearest(old.inertia, mass)), how=how)
+    return RepairedLink(link=link, new=replace(old, mass=mass, inertia=nearest(old.inertia, mass)), how=method)
 
 
 def nearest(inertia: Matrix, mass: float) -> Matrix:
@@ -166,8 +166,8 @@ def nearest(inertia: Matrix, mass: float) -> Matrix:
     moments, axes = principal_axes(inertia)
     half = (moments[0] + moments[1] + moments[2]) / 2.0
     second = [max(half - moment, mass * LEAST, LEAST_MOMENT) for moment in moments]
-    whole = math.fsum(second)
-    a, b, c = (whole - one for one in second)
+    trace = math.fsum(second)
+    a, b, c = (trace - one for one in second)
     return multiply(multiply(axes, ((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c))), transpose(axes))
 
 
@@ -188,8 +188,8 @@ def _volume(shape: SourceShape, matter: Matter) -> MassProperties | None:
     """
     if shape.kind != "mesh":
         return Primitive(shape=shape.kind, size=shape.size, pose=shape.pose).matter
-    held = matter(shape)
-    return None if held is None else held.seen_from(shape.pose)
+    mesh_matter = matter(shape)
+    return None if mesh_matter is None else mesh_matter.seen_from(shape.pose)
 
 
 _MIRRORED = (("left", "right"), ("Left", "Right"), ("LEFT", "RIGHT"))
@@ -205,12 +205,12 @@ def warn_of_mirror_pairs(robot: SourceRobot, report: Report) -> None:
             if other is None or link.weight is None or other.weight is None:
                 continue
             ours, theirs = link.weight.properties, other.weight.properties
-            what = "masses" if _differ([ours.mass], [theirs.mass]) else "moments of inertia" if _differ(
+            quantity = "masses" if _differ([ours.mass], [theirs.mass]) else "moments of inertia" if _differ(
                 principal_moments(ours.inertia), principal_moments(theirs.inertia),
             ) else None
-            if what is not None:
+            if quantity is not None:
                 report.warn(
-                    Code.SOURCE_DOUBT, f"`{link.name}` and `{other.name}` have different {what}", other.weight.where,
+                    Code.SOURCE_DOUBT, f"`{link.name}` and `{other.name}` have different {quantity}", other.weight.where,
                     notes=[Note(message=f"`{link.name}` is defined here", span=link.weight.where)],
                     help="if they are mirror images, correct one of them",
                 )

@@ -59,7 +59,7 @@ def warn_of_units(robot: SourceRobot, files: Mapping[str, bytes], paths: Mapping
 
     Only the first such mesh is reported. `files` maps file paths to contents, and `paths` maps the mesh URIs of the source to file paths.
     """
-    reach = max((dist(one.pose.translation, (0.0, 0.0, 0.0)) for one in robot.hangings), default=0.0)
+    reach = max((dist(one.pose.translation, (0.0, 0.0, 0.0)) for one in robot.attachments), default=0.0)
     for shape in (shape for link in robot.links for shape in link.shapes if shape.mesh in paths):
         size = _corner(files.get(paths[shape.mesh or ""], b""), paths[shape.mesh or ""]) * max(map(abs, shape.size))
         if size > LARGE and size > SUSPECT * reach > 0.0:

@@ -20,7 +20,7 @@ from thingc.base.suggestions import did_you_mean
 from thingc.tools.importing import source_model
 from thingc.tools.importing.packages import NotFound, Packages
 from thingc.tools.importing.sdf_frames import WORLD, Frames, NamedFrame, key_of
-from thingc.tools.importing.tree import look_at_mimics, root_of, span_tree
+from thingc.tools.importing.tree import check_mimics, root_of, span_tree
 from thingc.tools.importing.xml_source import Losses, SourceElement, read_robot, read_xml
 from thingc.tools.importing.xml_values import ChildValues
 
@@ -61,9 +61,9 @@ class Includes:
 
         Raises `NotFound` if the file is missing.
         """
-        before = len(self.report.diagnostics)
-        said = {tag: one for tag in READ if (one := self.values.one(include, tag)) is not None}
-        if "placement_frame" in said and "pose" not in said:
+        error_count = len(self.report.diagnostics)
+        overrides = {tag: one for tag in READ if (one := self.values.one(include, tag)) is not None}
+        if "placement_frame" in overrides and "pose" not in overrides:
             self.values.fault(include, None, "an `<include>` with `<placement_frame>` requires `<pose>`", "write <pose>0 0 0 0 0 0</pose>")
         if include.attributes.get("merge", "").strip() in ("1", "true"):
             self.values.fault(include, "merge", "`merge` is not supported", "to merge the models, run `gz sdf -p FILE > robot.sdf`")
@@ -71,7 +71,7 @@ class Includes:
             message = f"the file includes more than {MOST_INCLUDES} models, or one that includes itself"
             self.values.fault(include, None, message, "include a model that does not include this one")
         uri = self.values.word(include, "uri")
-        if uri is None or len(self.report.diagnostics) > before:
+        if uri is None or len(self.report.diagnostics) > error_count:
             return None
         uri = self._file(self.uri(uri.rstrip("/"), include.where.file))
         path, data = self.packages.read(uri)
@@ -85,10 +85,10 @@ class Includes:
         self._expand(model := models[0])
         for child in (one for one in include.children if one.tag not in READ):
             self.losses.note(f"`<{child.tag}>` of `<include>`", "not imported", child.where)
-        kept = [child for child in model.children if child.tag not in said]
-        names = {str(tag): said[tag].text for tag in ("name", "placement_frame") if tag in said}
-        own = [said[tag] for tag in ("pose", "static") if tag in said]
-        return replace(include, tag="model", attributes={**model.attributes, **names}, children=[*own, *kept], texts=[])
+        model_children = [child for child in model.children if child.tag not in overrides]
+        names = {str(tag): overrides[tag].text for tag in ("name", "placement_frame") if tag in overrides}
+        overriding = [overrides[tag] for tag in ("pose", "static") if tag in overrides]
+        return replace(include, tag="model", attributes={**model.attributes, **names}, children=[*overriding, *model_children], texts=[])
 
     def _file(self, uri: str) -> str:
         """Return the path of the file that a URI refers to.
@@ -102,7 +102,7 @@ class Includes:
         except NotFound:
             config = None
         files = [] if config is None else [*config.all("sdf")]
-        newest = max(files, key=lambda one: [*map(int, re.findall(r"\d+", one.attributes.get("version", "")))], default=None)
+        newest = max(files, key=lambda element: [*map(int, re.findall(r"\d+", element.attributes.get("version", "")))], default=None)
         return f"{uri}/{'model.sdf' if newest is None else newest.text}"
 
 
@@ -161,7 +161,7 @@ class _Sdf:
         self.losses = Losses()
         self.includes = Includes(root, packages, report, self.losses)
         self.old_axes = {one.where.file for one in self.includes.roots if self._is_old(one)}
-        self.between: list[source_model.SourceLink] = []
+        self.intermediate_links: list[source_model.SourceLink] = []
 
     def robot(self) -> source_model.SourceRobot | None:
         """Convert the SDF model to the source model. If the SDF model has errors, report the errors and return None."""
@@ -173,14 +173,14 @@ class _Sdf:
             return None
         self.frames = frames
         links = [self._link(key, frame.element) for key, frame in frames.all("link")]
-        hangings = [one for key, frame in frames.all("joint") for one in self._hangings(key, frame)]
+        attachments = [attachment for key, frame in frames.all("joint") for attachment in self._attachments_of(key, frame)]
         moving = {
             name for key, frame in frames.all("joint") if frame.element.attributes.get("type") not in ("fixed", "ball")
             for name in self._coordinates(key)
         }
-        look_at_mimics(hangings, moving, self.report)
+        check_mimics(attachments, moving, self.report)
         self.losses.unread(model, ATTRIBUTES, INSIDE, AS_USUAL)
-        return None if self.report.failed else self._stood(model, name, [*links, *self.between], hangings)
+        return None if self.report.failed else self._build_robot(model, name, [*links, *self.intermediate_links], attachments)
 
     def _is_old(self, root: SourceElement) -> bool:
         """Return whether joint axes are relative to the frame of the model, as in old SDF versions. Report an unsupported version."""
@@ -197,28 +197,28 @@ class _Sdf:
         Unless exactly one such model exists, report an error and return None.
         """
         worlds = [*self.root.all("world")]
-        models = [model for around in (self.root, *worlds) for model in around.all("model")]
-        robots = models if len(models) == 1 else [model for model in models if not self._is(model, "static")]
+        models = [model for parent in (self.root, *worlds) for model in parent.all("model")]
+        robots = models if len(models) == 1 else [model for model in models if not self._is_true(model, "static")]
         for child in (child for world in worlds for child in world.children if child not in robots):
             self.losses.note(f"`<{child.tag}>` of `<world>`", "a document contains one robot", child.where)
         if len(robots) == 1:
             return robots[0]
-        found = ", ".join(f"`{one.attributes.get('name', '')}`" for one in robots[:6]) or "none"
+        names = ", ".join(f"`{one.attributes.get('name', '')}`" for one in robots[:6]) or "none"
         self.report.add(
-            Code.SOURCE_TREE, f"expected one model that is not static, found {found}", (robots[1] if robots else self.root).where,
+            Code.SOURCE_TREE, f"expected one model that is not static, found {names}", (robots[1] if robots else self.root).where,
             help="a document contains one robot: split the file" if robots else None,
         )
         return None
 
-    def _is(self, element: SourceElement, tag: str) -> bool:
-        said = next(element.all(tag), None)
-        return said is not None and said.text.lower() in ("1", "true")
+    def _is_true(self, element: SourceElement, tag: str) -> bool:
+        child = next(element.all(tag), None)
+        return child is not None and child.text.lower() in ("1", "true")
 
     def _link(self, key: str, element: SourceElement) -> source_model.SourceLink:
         inertial = self.values.one(element, "inertial")
         if inertial is None:
-            why = "the SDF default is used: 1 kg with an inertia of 1 kg m^2"
-            self.losses.note(f"the missing `<inertial>` of link `{key}`", why, element.where)
+            reason = "the SDF default is used: 1 kg with an inertia of 1 kg m^2"
+            self.losses.note(f"the missing `<inertial>` of link `{key}`", reason, element.where)
         shapes = [self._shape(child, key) for child in element.children if child.tag in ("visual", "collision")]
         weight, where = _USUAL if inertial is None else self._weight(inertial), (inertial or element).where
         return source_model.SourceLink(
@@ -244,10 +244,10 @@ class _Sdf:
             help = "write <geometry><box><size>...</size></box></geometry>"
             self.values.fault(geometry or element, None, f"this `<{element.tag}>` has no geometry", help)
             return None
-        said = next(element.all("pose"), None)
-        relative_to = "" if said is None else said.attributes.get("relative_to", "").strip()
-        if relative_to and said is not None:
-            self.losses.note(f"`relative_to` of a `<{element.tag}>`", "not imported: shapes must be relative to their link", said.where)
+        given = next(element.all("pose"), None)
+        relative_to = "" if given is None else given.attributes.get("relative_to", "").strip()
+        if relative_to and given is not None:
+            self.losses.note(f"`relative_to` of a `<{element.tag}>`", "not imported: shapes must be relative to their link", given.where)
             return None
         if form.tag not in INSIDE["geometry"]:
             self.losses.note(f"a `<{form.tag}>`", "shapes of this kind are not supported", form.where)
@@ -279,7 +279,7 @@ class _Sdf:
         kinds = KINDS.get(self.frames.named[key].element.attributes.get("type", ""), ()) if key in self.frames.named else ()
         return [f"{key}_{number}" for number in range(len(kinds))] if len(kinds) > 1 else [key]
 
-    def _hangings(self, key: str, frame: NamedFrame) -> Iterator[source_model.Attachment]:
+    def _attachments_of(self, key: str, frame: NamedFrame) -> Iterator[source_model.Attachment]:
         """Yield the attachments that represent an SDF joint, from parent to child.
 
         A joint with several axes becomes several attachments with massless links in between. The method also reports errors in the joint.
@@ -296,16 +296,16 @@ class _Sdf:
         if parent == child:
             self.values.fault(element, None, f"parent and child of this joint are both on link `{child}`", "connect two links")
             return
-        around = NO_POSE if parent == WORLD else self.frames.poses[parent]
-        pose, names = _clean(around.inverse() @ self.frames.poses[child]), self._coordinates(key)
-        joints = [self._joint(name, key, one, tag) for name, one, tag in zip(names, KINDS[kind], AXES, strict=False)] or [None]
+        parent_pose = NO_POSE if parent == WORLD else self.frames.poses[parent]
+        pose, names = _clean(parent_pose.inverse() @ self.frames.poses[child]), self._coordinates(key)
+        joints = [self._joint(name, key, motion, tag) for name, motion, tag in zip(names, KINDS[kind], AXES, strict=False)] or [None]
         for number in reversed(range(len(names))):  # start at the child, because `spanned` reverses either all or no attachments of a joint
             above = f"{key} link" if number else parent
             if number:
-                self.between.append(source_model.SourceLink(name=above, where=element.where))
+                self.intermediate_links.append(source_model.SourceLink(name=above, where=element.where))
             joint = joints[number]
-            still = joint is not None and joint.ends.lower is not None and joint.ends.lower == joint.ends.upper
-            if joint is not None and still:
+            locked = joint is not None and joint.ends.lower is not None and joint.ends.lower == joint.ends.upper
+            if joint is not None and locked:
                 if joint.ends.lower != 0.0:
                     message = f"`lower` and `upper` are both {joint.ends.lower:g}: this joint cannot move and cannot be at 0"
                     self.values.fault(element, None, message, "use type `fixed`, or correct its limits")
@@ -314,7 +314,7 @@ class _Sdf:
                 )
             yield source_model.Attachment(
                 name=names[number], parent=above, child=child, pose=NO_POSE if number else pose, where=element.where,
-                joints=() if joint is None or still else (joint,),
+                joints=() if joint is None or locked else (joint,),
             )
             child = above
 
@@ -328,7 +328,7 @@ class _Sdf:
             return WORLD if name == WORLD and side == "parent" else None
         key = key_of(name, frame.scope)
         if key not in self.frames.named:
-            links = [one for one, other in self.frames.named.items() if other.element.tag in ("link", "frame")]
+            links = [key_of_frame for key_of_frame, other in self.frames.named.items() if other.element.tag in ("link", "frame")]
             message = f"the {side} of this joint is `{name}`, but there is no such link or frame"
             self.values.fault(frame.element, side, message, did_you_mean(name, links, what="links"))
             return None
@@ -340,8 +340,8 @@ class _Sdf:
     def _joint(self, name: str, key: str, kind: source_model.Kind, tag: str) -> source_model.SourceJoint | None:
         """Read one axis of an SDF joint. `tag` is the tag of the child element that defines the axis."""
         frame = self.frames.named[key]
-        element, here = frame.element, self.frames.poses[self._end(frame, "child") or ""].inverse()
-        at = here @ self.frames.poses[key]
+        element, to_child = frame.element, self.frames.poses[self._end(frame, "child") or ""].inverse()
+        at = to_child @ self.frames.poses[key]
         if kind == "ball":
             return source_model.SourceJoint(name=key, kind=kind, axis=(0.0, 0.0, 1.0), anchor=_clean(at).translation, where=element.where)
         axis = self.values.one(element, tag)
@@ -349,7 +349,7 @@ class _Sdf:
             message = f"this joint is `{element.attributes['type']}` and has no `<{tag}>`"
             self.values.fault(element, None, message, f"write <{tag}><xyz>...</xyz></{tag}>")
             return None
-        direction = self._direction(axis, key, frame, here)
+        direction = self._direction(axis, key, frame, to_child)
         ends, follows = self._ends(axis), self._mimic(axis, frame.scope)
         if kind == "revolute" and ends.lower is None:
             kind = "continuous"
@@ -357,16 +357,16 @@ class _Sdf:
             ends = replace(ends, lower=-source_model.FAR, upper=source_model.FAR, made_up=True)
             self.losses.note(f"unlimited slide `{name}`", f"the document specifies limits of +-{source_model.FAR:g} m", element.where)
         dynamics = self.values.one(axis, "dynamics")
-        damping = friction = stiffness = rest = 0.0
+        damping = friction = stiffness = rest_position = 0.0
         if dynamics is not None:
             damping, friction, stiffness = (
                 self.values.from_zero(dynamics, key, 0.0) or 0.0 for key in ("damping", "friction", "spring_stiffness")
             )
-            rest = (self.values.number(dynamics, "spring_reference", 0.0) or 0.0) if stiffness else 0.0
+            rest_position = (self.values.number(dynamics, "spring_reference", 0.0) or 0.0) if stiffness else 0.0
         motor = source_model.SourceDrive(name=name, kind="motor", where=element.where, effort=ends.effort)
         return source_model.SourceJoint(
             name=name, kind=kind, lead=self._lead(element) if kind == "screw" else 0.0, axis=direction, anchor=_clean(at).translation,
-            where=element.where, ends=ends, damping=damping, friction=friction, stiffness=stiffness, rest=rest, follows=follows,
+            where=element.where, ends=ends, damping=damping, friction=friction, stiffness=stiffness, rest=rest_position, follows=follows,
             drive=None if not ends.effort or follows else motor,
         )
 
@@ -382,16 +382,16 @@ class _Sdf:
             self.values.fault(screw, tag, f"`{tag}` of this screw is 0", "use type `revolute`, or write its travel per turn")
         return -2.0 * math.pi / pitch if older and pitch else pitch or 0.0
 
-    def _direction(self, axis: SourceElement, key: str, frame: NamedFrame, here: Pose) -> Vector:
+    def _direction(self, axis: SourceElement, key: str, frame: NamedFrame, to_child: Pose) -> Vector:
         """Return the axis of a joint as a unit vector in the frame of the child link."""
         xyz, direction = self.values.one(axis, "xyz"), self.values.direction(axis, "xyz", (0.0, 0.0, 1.0))
-        stated = "" if xyz is None else xyz.attributes.get("expressed_in", "").strip()
+        expressed_in = "" if xyz is None else xyz.attributes.get("expressed_in", "").strip()
         within = key
-        if stated and xyz is not None:
-            within = self.frames.find_frame(xyz, "expressed_in", stated, frame.scope)
-        elif self._is(axis, tag := "use_parent_model_frame") or axis.where.file in self.old_axes and not any(axis.all(tag)):
+        if expressed_in and xyz is not None:
+            within = self.frames.find_frame(xyz, "expressed_in", expressed_in, frame.scope)
+        elif self._is_true(axis, tag := "use_parent_model_frame") or axis.where.file in self.old_axes and not any(axis.all(tag)):
             within = frame.scope
-        return _round(rotate((here @ self.frames.poses[within]).rotation, direction))
+        return _round(rotate((to_child @ self.frames.poses[within]).rotation, direction))
 
     def _ends(self, axis: SourceElement) -> source_model.SourceLimits:
         limit = self.values.one(axis, "limit")
@@ -434,8 +434,8 @@ class _Sdf:
         leader = leaders[-1 if mimic.attributes.get("axis") == "axis2" else 0]
         return source_model.SourceMimic(joint=leader, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
 
-    def _stood(
-        self, model: SourceElement, name: str, links: list[source_model.SourceLink], hangings: list[source_model.Attachment],
+    def _build_robot(
+        self, model: SourceElement, name: str, links: list[source_model.SourceLink], attachments: list[source_model.Attachment],
     ) -> source_model.SourceRobot | None:
         """Determine the root link of the robot and the kind of its base.
 
@@ -451,46 +451,47 @@ class _Sdf:
         placed = self.values.one(model, "pose")
         if placed is not None and placed.attributes.get("relative_to", "").strip() not in ("", WORLD):
             self.losses.note("`relative_to` of the model's pose", "the pose is read relative to the world", placed.where)
-        here, grounded = self.frames.pose_of("", model), [one for one in hangings if one.parent == WORLD]
+        model_pose, grounded = self.frames.pose_of("", model), [attachment for attachment in attachments if attachment.parent == WORLD]
         if len(grounded) == 1 and not grounded[0].joints:
-            hangings = [one for one in hangings if one is not grounded[0]]
+            attachments = [attachment for attachment in attachments if attachment is not grounded[0]]
         elif grounded:
             links = [source_model.SourceLink(name=WORLD, where=model.place("name")), *links]
-            hangings = [replace(one, pose=_clean(here @ one.pose)) if one in grounded else one for one in hangings]
-        screws = [one for one in hangings if any(joint.kind == "screw" for joint in one.joints)]
-        tree, closing = span_tree([*screws, *(one for one in hangings if one not in screws)])  # other joints close loops
+            attachments = [replace(one, pose=_clean(model_pose @ one.pose)) if one in grounded else one for one in attachments]
+        screws = [attachment for attachment in attachments if any(joint.kind == "screw" for joint in attachment.joints)]
+        tree, closing = span_tree([*screws, *(one for one in attachments if one not in screws)])  # other joints close loops
         root = root_of(links, tree, model.where, self.report)
         if root is None:
             return None
-        loops = tuple(self._loop(one) for one in closing)
+        loops = tuple(self._loop(attachment) for attachment in closing)
         return source_model.SourceRobot(
-            name=name, where=model.place("name"), root=root, links=tuple(links), hangings=tree,
-            base="fixed" if grounded or self._is(model, "static") else "free",
-            pose=NO_POSE if root == WORLD else _clean(here @ self.frames.poses[root]), losses=self.losses.all(),
+            name=name, where=model.place("name"), root=root, links=tuple(links), attachments=tree,
+            base="fixed" if grounded or self._is_true(model, "static") else "free",
+            pose=NO_POSE if root == WORLD else _clean(model_pose @ self.frames.poses[root]), losses=self.losses.all(),
             loops=loops,
         )
 
-    def _loop(self, one: source_model.Attachment) -> source_model.SourceLoop:
+    def _loop(self, attachment: source_model.Attachment) -> source_model.SourceLoop:
         """Convert a joint that is not in the kinematic tree to a constraint that closes a loop."""
-        joint = next(iter(one.joints), None)
+        joint = next(iter(attachment.joints), None)
         at = NO_POSE if joint is None else along(joint.axis, joint.anchor)
         unlimited = source_model.SourceLimits()
         if joint is not None and (joint.ends != unlimited or joint.damping or joint.friction or joint.stiffness or joint.follows):
-            why = "a joint that closes a loop cannot have limits, a drive or dynamics"
-            self.losses.note(f"limits, drive and dynamics of joint `{one.name}`", why, one.where)
+            reason = "a joint that closes a loop cannot have limits, a drive or dynamics"
+            self.losses.note(f"limits, drive and dynamics of joint `{attachment.name}`", reason, attachment.where)
         kind = "fixed" if joint is None else "continuous" if joint.kind == "revolute" else joint.kind
         if kind == "screw":
             help = "change the type of one joint of the loop"
-            self.report.add(Code.SOURCE_TREE, f"all joints of the loop that joint `{one.name}` closes are screws", one.where, help=help)
+            message = f"all joints of the loop that joint `{attachment.name}` closes are screws"
+            self.report.add(Code.SOURCE_TREE, message, attachment.where, help=help)
         assert kind != "planar"
         assert kind != "free"
-        ends = ((one.parent, _clean(one.pose @ at)), (one.child, at))
-        return source_model.SourceLoop(name=one.name, kind=kind, ends=ends, where=one.where)
+        ends = ((attachment.parent, _clean(attachment.pose @ at)), (attachment.child, at))
+        return source_model.SourceLoop(name=attachment.name, kind=kind, ends=ends, where=attachment.where)
 
 
 def _round(vector: Vector) -> Vector:
-    """Round a position to 15 decimals, to remove the rounding errors of composed poses."""
-    x, y, z = (round(one, 15) + 0.0 for one in vector)
+    """Round a vector to 15 decimals, to remove the rounding errors of composed poses."""
+    x, y, z = (round(coordinate, 15) + 0.0 for coordinate in vector)
     return (x, y, z)
 
 

@@ -133,8 +133,8 @@ class SourceMimic(FrozenStruct):
     def at(self, q: float) -> float:
         """Return the coordinate of the coupled joint for the coordinate `q` of the other joint."""
         at = 0.0
-        for one in reversed(self.polynomial or (self.offset, self.multiplier)):
-            at = at * q + one
+        for coefficient in reversed(self.polynomial or (self.offset, self.multiplier)):
+            at = at * q + coefficient
         return at
 
 
@@ -350,7 +350,7 @@ class SourceLoss(FrozenStruct):
 
 
 class SourceRobot(OneLineRepr, SourceThing):
-    """An imported robot. The link `root` has the pose `pose` in the world. `links` and the attachments `hangings` are in source order.
+    """An imported robot. The link `root` has the pose `pose` in the world. `links` and `attachments` are in source order.
 
     Attributes:
         excluded: Pairs of links between which contacts are excluded.
@@ -366,7 +366,7 @@ class SourceRobot(OneLineRepr, SourceThing):
 
     root: str
     links: tuple[SourceLink, ...]
-    hangings: tuple[Attachment, ...]
+    attachments: tuple[Attachment, ...]
     base: SourceBase = "fixed"
     pose: Pose = NO_POSE
     losses: tuple[SourceLoss, ...] = ()

@@ -274,7 +274,7 @@ def distinct_words(names: Sequence[str], kind: str, taken: Sequence[str] = ()) -
     """Return a different document name for each of the names, which may be equal. Names that are empty get the name `kind`."""
     words: list[str] = []
     for name in names:
-        words += distinct([name.strip() or kind], kind, taken=[*words, *taken]).values()
+        words += distinct([name.strip() or kind], kind, reserved=[*words, *taken]).values()
     return words
 
 

@@ -71,127 +71,127 @@ class Merge:
 
     def merge(self) -> Merged:
         """Merge both versions of the document, and return the merged text and the conflicts. Raises `MergeConflict`."""
-        expected = self._whole((), self.base.tree.plain(), self.new.tree.plain(), self.ours.tree.plain())
+        expected = self._merge_value((), self.base.tree.plain(), self.new.tree.plain(), self.ours.tree.plain())
         text = self.ours.source.text
         parts, at, line_end = list[str](), 0, "\r\n" if "\r\n" in text else "\n"
         for start, end, replacement in sorted(self.edits, key=lambda edit: edit[:2]):  # insertions precede other edits at the same position
             parts += [text[at:start], replacement.replace("\n", line_end)]
             at = end
-        whole = "".join([*parts, text[at:]])
-        after = read_text(self.ours.source.file, whole, Report())
-        wrong = [] if after is None else [*_changed_paths((), expected, after.tree.plain())] if after.tree.plain() != expected else None
+        merged = "".join([*parts, text[at:]])
+        parsed = read_text(self.ours.source.file, merged, Report())
+        wrong = [] if parsed is None else [*_changed_paths((), expected, parsed.tree.plain())] if parsed.tree.plain() != expected else None
         if wrong is not None:
             place = format_path(wrong[0]) if wrong else "the document"
             raise MergeConflict(f"`{place}` uses an anchor, or YAML syntax that thingc cannot edit")
-        return Merged(text=whole, taken=tuple(self.taken), kept=tuple(self.kept), conflicts=tuple(self.conflicts))
+        return Merged(text=merged, taken=tuple(self.taken), kept=tuple(self.kept), conflicts=tuple(self.conflicts))
 
-    def _whole(self, path: Path, base: Any, new: Any, ours: Any) -> Any:
-        """Merge the value at a path as a whole, and return the merged value. Record the edit or the conflict.
+    def _merge_value(self, path: Path, base: Any, new: Any, ours: Any) -> Any:
+        """Merge the three versions of the value at a path, record the edits or the conflict, and return the merged value.
 
-        `MISSING` stands for the value of a version that does not contain the path.
+        A version that does not contain the path has the value `MISSING`.
         """
-        if _alike(new, base) or _alike(new, ours):
-            if not _alike(ours, base) and not _alike(new, ours):
+        if _equal(new, base) or _equal(new, ours):
+            if not _equal(ours, base) and not _equal(new, ours):
                 self.kept += _changed_paths(path, base, ours)
             return ours
         inner = _keys(base, new, ours)
         if inner is not None:
-            return self._inside(path, base, new, ours, inner)
-        if _alike(ours, base):
+            return self._merge_entries(path, base, new, ours, inner)
+        if _equal(ours, base):
             self.taken.append((path, self.ours.text_at(path), self.new.text_at(path)))
             return new
         self.conflicts.append((path, self.ours.text_at(path), self.new.text_at(path)))
         return ours
 
-    def _inside(self, path: Path, base: Any, new: Any, ours: Any, keys: Sequence[Any]) -> Any:
+    def _merge_entries(self, path: Path, base: Any, new: Any, ours: Any, keys: Sequence[Any]) -> Any:
         """Merge nested mappings or lists of mappings entry by entry."""
-        of = {key: tuple(_get(one, key) for one in (base, new, ours)) for key in keys}
-        after = {key: self._whole((*path, key), *three) for key, three in of.items()}
-        changed = [key for key in keys if not _alike(after[key], of[key][2]) and _keys(*of[key]) is None]
+        versions = {key: tuple(_get(one, key) for one in (base, new, ours)) for key in keys}
+        merged = {key: self._merge_value((*path, key), *three) for key, three in versions.items()}
+        changed = [key for key in keys if not _equal(merged[key], versions[key][2]) and _keys(*versions[key]) is None]
         node = node_at(self.ours.tree, path)
         assert node is not None
-        shape_stays = all(after[key] is not MISSING and of[key][2] is not MISSING for key in changed)
+        shape_stays = all(merged[key] is not MISSING and versions[key][2] is not MISSING for key in changed)
         if changed and not shape_stays and _is_flow(self.ours, node):
-            self._rewrite(path, node, [key for key in keys if after[key] is not MISSING], changed)
+            self._rewrite(path, node, [key for key in keys if merged[key] is not MISSING], changed)
         else:
             for key in changed:
-                self._change(path, key, after[key])
+                self._edit_entry(path, key, merged[key])
         if isinstance(ours, list):
-            return [after[key] for key in keys]
-        return {key: value for key, value in after.items() if value is not MISSING}
+            return [merged[key] for key in keys]
+        return {key: value for key, value in merged.items() if value is not MISSING}
 
     def _rewrite(self, path: Path, node: Node, keys: Sequence[Any], changed: Sequence[Any]) -> None:
         """Replace the text of a flow mapping, such as `{a: 1, b: 2}`, by a text with changed values.
 
         The text of unchanged values is preserved.
         """
-        whole, inner = self.ours.source.range(node.span), []
+        node_range, inner = self.ours.source.range(node.span), []
         for key in keys:
-            of = self.new if key in changed else self.ours
-            one = node_at(of.tree, (*path, key))
-            assert one is not None
-            start, end = of.source.range(one.span)
-            text = of.source.text[start:end] if of is self.ours else inline(of, one)
-            if of is self.ours:  # apply and remove the edits inside this node
+            version = self.new if key in changed else self.ours
+            value = node_at(version.tree, (*path, key))
+            assert value is not None
+            start, end = version.source.range(value.span)
+            text = version.source.text[start:end] if version is self.ours else inline(version, value)
+            if version is self.ours:  # apply and remove the edits inside this node
                 edits = [edit for edit in self.edits if start <= edit[0] and edit[1] <= end]
                 for edit in sorted(edits, reverse=True):
                     self.edits.remove(edit)
                     text = text[: edit[0] - start] + edit[2] + text[edit[1] - start :]
             inner.append(f"{key}: {text}")
-        self.edits.append((*whole, "{" + ", ".join(inner) + "}"))
+        self.edits.append((*node_range, "{" + ", ".join(inner) + "}"))
 
-    def _change(self, path: Path, key: Any, after: Any) -> None:
+    def _edit_entry(self, path: Path, key: Any, merged: Any) -> None:
         """Record the edit that sets, adds or removes one entry of a mapping, or sets one item of a list."""
-        mine, theirs = node_at(self.ours.tree, (*path, key)), node_at(self.new.tree, (*path, key))
+        our_node, new_node = node_at(self.ours.tree, (*path, key)), node_at(self.new.tree, (*path, key))
         parent = node_at(self.ours.tree, path)
         assert parent is not None
-        if after is MISSING:
+        if merged is MISSING:
             first, last = _lines(self.ours, parent, key)
             above = _leading(self.base, path, key)
             while above and first and self.ours.source.line(first - 1).strip() == above[-1].strip():
                 above, first = above[:-1], first - 1
             self.edits.append((self._start(first), self._start(last + 1), ""))
-        elif mine is None:
-            self._add(path, parent, key)
+        elif our_node is None:
+            self._insert_entry(path, parent, key)
         elif isinstance(parent, SequenceNode) or _is_flow(self.ours, parent) or not (
             _is_block(self.ours, parent, key) or _is_block(self.new, node_at(self.new.tree, path), key)
         ):
-            assert theirs is not None
-            start, end = self.ours.source.range(mine.span)
-            plain = self.new.source.text[slice(*self.new.source.range(theirs.span))]
-            self.edits.append((start, end, plain if "\n" not in plain else inline(self.new, theirs)))
+            assert new_node is not None
+            start, end = self.ours.source.range(our_node.span)
+            plain = self.new.source.text[slice(*self.new.source.range(new_node.span))]
+            self.edits.append((start, end, plain if "\n" not in plain else inline(self.new, new_node)))
         else:
             first, last = _lines(self.ours, parent, key)
-            text = "".join(f"{line}\n" for line in self._entry(path, parent, key)[len(_leading(self.new, path, key)) :])
+            text = "".join(f"{line}\n" for line in self._entry_lines(path, parent, key)[len(_leading(self.new, path, key)) :])
             self.edits.append((self._start(first), self._start(last + 1), text))
 
-    def _add(self, path: Path, parent: Node, key: Any) -> None:
+    def _insert_entry(self, path: Path, parent: Node, key: Any) -> None:
         """Record the edit that inserts a new entry.
 
         The edit inserts the entry after the same entry as in `new`, or at the beginning of the mapping.
         """
-        wanted = node_at(self.new.tree, path)
-        assert isinstance(parent, MappingNode) and isinstance(wanted, MappingNode)
-        order = list(wanted.entries)
-        before = [one for one in order[: order.index(key)] if one in parent.entries]
-        line = _lines(self.ours, parent, before[-1])[1] + 1 if before else _lines(self.ours, parent, next(iter(parent.entries)))[0]
-        text = "".join(f"{line}\n" for line in self._entry(path, parent, key))
+        new_parent = node_at(self.new.tree, path)
+        assert isinstance(parent, MappingNode) and isinstance(new_parent, MappingNode)
+        order = list(new_parent.entries)
+        preceding = [one for one in order[: order.index(key)] if one in parent.entries]
+        line = _lines(self.ours, parent, preceding[-1])[1] + 1 if preceding else _lines(self.ours, parent, next(iter(parent.entries)))[0]
+        text = "".join(f"{line}\n" for line in self._entry_lines(path, parent, key))
         start = self._start(line)
         ended = start == 0 or self.ours.source.text[start - 1] == "\n"
         self.edits.append((start, start, text if ended else f"\n{text}"))
 
-    def _entry(self, path: Path, parent: Node, key: Any) -> list[str]:
+    def _entry_lines(self, path: Path, parent: Node, key: Any) -> list[str]:
         """Return the lines of an entry of `new`, including the comments above the entry.
 
         The lines are indented like the entries of the mapping `parent`.
         """
-        wanted = node_at(self.new.tree, path)
-        assert isinstance(parent, MappingNode) and isinstance(wanted, MappingNode)
+        new_parent = node_at(self.new.tree, path)
+        assert isinstance(parent, MappingNode) and isinstance(new_parent, MappingNode)
         column = next(iter(parent.keys.values())).column
-        if _is_flow(self.new, wanted):
-            return [f"{' ' * (column - 1)}{key}: {inline(self.new, wanted.entries[key])}"]
-        first, last = _lines(self.new, wanted, key)
-        deep = column - wanted.keys[key].column
+        if _is_flow(self.new, new_parent):
+            return [f"{' ' * (column - 1)}{key}: {inline(self.new, new_parent.entries[key])}"]
+        first, last = _lines(self.new, new_parent, key)
+        deep = column - new_parent.keys[key].column
         lines = [*_leading(self.new, path, key), *(self.new.source.line(number) for number in range(first, last + 1))]
         return [line if not line.strip() else " " * deep + line if deep >= 0 else line[-deep:] for line in lines]
 
@@ -211,11 +211,11 @@ def inline(text: Text, node: Node) -> str:
             return "{" + ", ".join(f"{key}: {inline(text, one)}" for key, one in node.entries.items()) + "}"
 
 
-def _alike(one: Any, other: Any) -> bool:
+def _equal(a: Any, b: Any) -> bool:
     """Return whether two values are equal and have the same type. For example, True and 1 have different types."""
-    if one is MISSING or other is MISSING:
-        return one is other
-    return bool(one == other) and (type(one) is type(other) or not {bool} & {type(one), type(other)})
+    if a is MISSING or b is MISSING:
+        return a is b
+    return bool(a == b) and (type(a) is type(b) or not {bool} & {type(a), type(b)})
 
 
 def _keys(base: Any, new: Any, ours: Any) -> list[Any] | None:
@@ -241,9 +241,9 @@ def _changed_paths(path: Path, base: Any, ours: Any) -> Iterator[Path]:
         yield path
         return
     for key in keys:
-        one, other = _get(base, key), _get(ours, key)
-        if not _alike(one, other):
-            yield from _changed_paths((*path, key), one, other)
+        old, new = _get(base, key), _get(ours, key)
+        if not _equal(old, new):
+            yield from _changed_paths((*path, key), old, new)
 
 
 def _is_flow(text: Text, node: Node) -> bool:

@@ -18,7 +18,7 @@ MOST_BELOW = 496
 """Maximum nesting of bodies, including the root. MuJoCo cannot read more than 500 levels of XML."""
 
 
-def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: Span, report: Report) -> str | None:
+def root_of(links: Sequence[SourceLink], attachments: Sequence[Attachment], where: Span, report: Report) -> str | None:
     """Return the name of the root link of an imported robot. If links and joints do not form one tree, report the errors and return None.
 
     Errors are duplicate names, joints of missing links, links with two parents, cycles, and zero or several roots.
@@ -28,9 +28,9 @@ def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: 
         report.add(Code.SOURCE_TREE, f"the robot has {len(links):,} links, but at most {MOST_LINKS:,} are supported", where)
         return None
     named = _distinct("links", links, report)
-    _distinct("joints", hangings, report)
+    _distinct("joints", attachments, report)
     above: dict[str, Attachment] = {}
-    for one in hangings:
+    for one in attachments:
         for side, name in (("parent", one.parent), ("child", one.child)):
             if name not in named:
                 message = f"the {side} of joint `{one.name}` is the link `{name}`, which does not exist"
@@ -60,7 +60,7 @@ def root_of(links: Sequence[SourceLink], hangings: Sequence[Attachment], where: 
 
 def warn_of_depth(robot: SourceRobot, report: Report) -> None:
     """Warn if a link is nested too deeply in the kinematic tree for MuJoCo. Only the first such link is reported."""
-    below = by_parent(robot.hangings)
+    below = by_parent(robot.attachments)
     bare = {link.name for link in robot.links if link.is_bare}
     waiting = [(robot.root, 1)]
     while waiting:
@@ -77,7 +77,7 @@ def warn_of_depth(robot: SourceRobot, report: Report) -> None:
             waiting.append((one.child, there))
 
 
-def span_tree(hangings: Sequence[Attachment]) -> tuple[tuple[Attachment, ...], tuple[Attachment, ...]]:
+def span_tree(attachments: Sequence[Attachment]) -> tuple[tuple[Attachment, ...], tuple[Attachment, ...]]:
     """Split the joints of a robot with closed loops into a spanning tree and the joints that close loops.
 
     In the tree, parent and child of a joint are exchanged if necessary. The tree also contains joints that are not connected to the root,
@@ -86,61 +86,61 @@ def span_tree(hangings: Sequence[Attachment]) -> tuple[tuple[Attachment, ...], t
     tree: list[Attachment] = []
     closing: list[Attachment] = []
     below: set[str] = set()
-    numbers = {name: number for number, name in enumerate(dict.fromkeys(name for one in hangings for name in (one.parent, one.child)))}
+    numbers = {name: number for number, name in enumerate(dict.fromkeys(name for one in attachments for name in (one.parent, one.child)))}
     bodies = DisjointSets(len(numbers))
-    for one in hangings:
-        if not bodies.join(numbers[one.parent], numbers[one.child]):
-            closing.append(one)
+    for attachment in attachments:
+        if not bodies.join(numbers[attachment.parent], numbers[attachment.child]):
+            closing.append(attachment)
             continue
-        if one.child in below and one.parent not in below:
-            one = one.reverse()
-        below.add(one.child)
-        tree.append(one)
+        if attachment.child in below and attachment.parent not in below:
+            attachment = attachment.reverse()
+        below.add(attachment.child)
+        tree.append(attachment)
     return tuple(tree), tuple(closing)
 
 
-def look_at_mimics(hangings: Sequence[Attachment], moving: Set[str], report: Report) -> None:
+def check_mimics(attachments: Sequence[Attachment], moving: Set[str], report: Report) -> None:
     """Report an error for each joint that mimics itself or a joint that is not in `moving`, and for each cycle of mimic joints."""
-    follows = {joint.name: joint.follows for one in hangings for joint in one.joints if joint.follows is not None}
+    follows = {joint.name: joint.follows for one in attachments for joint in one.joints if joint.follows is not None}
     for circle in find_cycles(follows, lambda name: follows[name].joint if name in follows else None):
         if len(circle) > 1:
             message = f"joints mimic each other in a cycle: {format_cycle(circle)}"
             report.add(Code.SOURCE_VALUE, message, follows[circle[0]].where, help="remove `mimic` from one of these joints")
-    for joint in (joint for one in hangings for joint in one.joints):
+    for joint in (joint for one in attachments for joint in one.joints):
         if joint.follows is None or joint.name != joint.follows.joint and joint.follows.joint in moving:
             continue
-        wanted = joint.follows.joint
-        what = "itself" if wanted == joint.name else f"`{wanted}`, which is not a moving joint"
-        help = did_you_mean(wanted, sorted(moving - {joint.name}), what="joints")
-        report.add(Code.SOURCE_VALUE, f"joint `{joint.name}` mimics {what}", joint.follows.where, help=help)
+        leader = joint.follows.joint
+        problem = "itself" if leader == joint.name else f"`{leader}`, which is not a moving joint"
+        help = did_you_mean(leader, sorted(moving - {joint.name}), what="joints")
+        report.add(Code.SOURCE_VALUE, f"joint `{joint.name}` mimics {problem}", joint.follows.where, help=help)
 
 
 def _distinct(kind: str, things: Sequence[Named], report: Report) -> dict[str, Named]:
     """Return a mapping from name to element. If several elements have the same name, report an error and use the first element."""
     first: dict[str, Named] = {}
-    for one in things:
-        if first.setdefault(one.name, one) is not one:
-            notes = [Note(message="the first element is here", span=first[one.name].where)]
-            report.add(Code.SOURCE_TREE, f"two {kind} are named `{one.name}`", one.where, notes=notes, help="rename one of the two")
+    for thing in things:
+        if first.setdefault(thing.name, thing) is not thing:
+            notes = [Note(message="the first element is here", span=first[thing.name].where)]
+            report.add(Code.SOURCE_TREE, f"two {kind} are named `{thing.name}`", thing.where, notes=notes, help="rename one of the two")
     return first
 
 
-def by_parent(hangings: Iterable[Attachment]) -> dict[str, list[Attachment]]:
+def by_parent(attachments: Iterable[Attachment]) -> dict[str, list[Attachment]]:
     """Group the attachments by the name of the parent link. Each group is in source order."""
     below: dict[str, list[Attachment]] = {}
-    for one in hangings:
-        below.setdefault(one.parent, []).append(one)
+    for attachment in attachments:
+        below.setdefault(attachment.parent, []).append(attachment)
     return below
 
 
-def downwards(root: str, hangings: Iterable[Attachment]) -> Iterator[Attachment]:
+def downwards(root: str, attachments: Iterable[Attachment]) -> Iterator[Attachment]:
     """Yield the attachments of the kinematic tree depth first, starting at the root. The children of a link are in source order."""
-    below = by_parent(hangings)
+    below = by_parent(attachments)
     waiting = [*reversed(below.get(root, ()))]
     while waiting:
-        one = waiting.pop()
-        yield one
-        waiting += reversed(below.get(one.child, ()))
+        attachment = waiting.pop()
+        yield attachment
+        waiting += reversed(below.get(attachment.child, ()))
 
 
 def _circles(named: dict[str, SourceLink], above: dict[str, Attachment], report: Report) -> None:

@@ -24,7 +24,7 @@ from thingc.base.source import line_of
 from thingc.base.suggestions import did_you_mean
 from thingc.geometry.worker.sandbox import OUTSIDE
 from thingc.tools.importing import source_model
-from thingc.tools.importing.tree import look_at_mimics, root_of
+from thingc.tools.importing.tree import check_mimics, root_of
 from thingc.tools.importing.urdf_blocks import TAGS, Blocks
 from thingc.tools.importing.xml_source import MOST_BYTES, Losses, SourceElement, read_robot
 from thingc.tools.importing.xml_values import Values
@@ -80,7 +80,7 @@ class _Urdf:
             element.attributes.get("name", "") for element in root.all("joint")
             if element.attributes.get("type") not in ("fixed", "floating", "planar")
         }
-        inside = (one for link in root.all("link") for visual in link.all("visual") for one in visual.all("material"))
+        inside = (found for link in root.all("link") for visual in link.all("visual") for found in visual.all("material"))
         self.materials: dict[str, SourceElement] = {}
         for material in (*root.all("material"), *inside):  # like urdfdom, use the first definition of a name
             if material.children and (name := material.attributes.get("name", "")):
@@ -95,7 +95,7 @@ class _Urdf:
             name = os.path.splitext(os.path.basename(self.root.where.file))[0]
             self.losses.note("`name` of `<robot>`", f"missing; the name of the file (`{name}`) is used", self.root.where)
         links = tuple(link for element in self.root.all("link") if (link := self._link(element)) is not None)
-        hangings = tuple(one for element in self.root.all("joint") if (one := self._hanging(element)) is not None)
+        attachments = tuple(attachment for element in self.root.all("joint") if (attachment := self._attachment(element)) is not None)
         unknown = "both values are treated as unknown; the joint has a drive only if the file defines a drive elsewhere"
         for limit in self.unlimited:
             self.losses.note("`effort` and `velocity` of a joint, both 0", unknown, limit.where)
@@ -103,59 +103,60 @@ class _Urdf:
             message = f"`effort` and `velocity` are both 0 in this joint and {len(self.unlimited) - 1} others: {unknown}"
             help = 'write the limits of its motor, for example effort="10" velocity="5"'
             self.report.warn(Code.SOURCE_DOUBT, message, limit.place("effort"), help=help)
-        look_at_mimics(hangings, self.moving, self.report)
+        check_mimics(attachments, self.moving, self.report)
         self.losses.unread(self.root, ATTRIBUTES, INSIDE, {}, [one.where for one in self.root.children if one.tag in TAGS])
         if self.report.failed:  # these errors would cause errors about the tree
             return None
-        root = root_of(links, hangings, self.root.where, self.report)
+        root = root_of(links, attachments, self.root.where, self.report)
         if root is None:
             return None
-        links, sensors = self._add_sensor_frames(links, hangings)
-        transmissions = tuple(self._transmissions(hangings))
+        links, sensors = self._add_sensor_frames(links, attachments)
+        transmissions = tuple(self._transmissions(attachments))
         robot = source_model.SourceRobot(
-            name=name, where=self.root.place("name"), root=root, links=links, hangings=hangings, losses=self.losses.all(),
+            name=name, where=self.root.place("name"), root=root, links=links, attachments=attachments, losses=self.losses.all(),
             mesh_folder=self.blocks.meshes, sensors=sensors, transmissions=transmissions,
             base="free" if self.blocks.free else "fixed",
         )
         return self._remove_world_link(robot)
 
     def _add_sensor_frames(
-        self, links: tuple[source_model.SourceLink, ...], hangings: tuple[source_model.Attachment, ...],
+        self, links: tuple[source_model.SourceLink, ...], attachments: tuple[source_model.Attachment, ...],
     ) -> tuple[tuple[source_model.SourceLink, ...], tuple[source_model.SourceSensor, ...]]:
         """Add the frames of the sensors to the links. Return the changed links and the sensors.
 
         A sensor on an empty link, which serves only as a frame, is moved to the link to which this frame is fixed.
         """
-        named, above = {link.name: link for link in links}, {one.child: one for one in hangings}
-        carrying, sensors = {one.parent for one in hangings}, list[source_model.SourceSensor]()
-        for one in self.blocks.sensors.values():
-            link = one.link or ""
-            over = above.get(link)
+        named, attachment_of = {link.name: link for link in links}, {one.child: one for one in attachments}
+        carrying, sensors = {one.parent for one in attachments}, list[source_model.SourceSensor]()
+        for sensor in self.blocks.sensors.values():
+            link = sensor.link or ""
+            over = attachment_of.get(link)
             if not {link, link if over is None else over.parent} <= named.keys():
                 continue  # reported elsewhere
-            bare = named[link].weight is None and not named[link].shapes and link not in carrying
-            if over is not None and not over.joints and not over.floating and bare:
-                if one.kind == "imu" and one.pose == NO_POSE:
-                    sensors.append(replace(one, link=None, site=link))
+            is_frame = named[link].weight is None and not named[link].shapes and link not in carrying
+            if over is not None and not over.joints and not over.floating and is_frame:
+                if sensor.kind == "imu" and sensor.pose == NO_POSE:
+                    sensors.append(replace(sensor, link=None, site=link))
                     continue
                 link = over.parent
-                one = replace(one, link=link, pose=over.pose @ one.pose)
-            if one.kind == "imu":
-                site = source_model.SourceSite(name=one.name, pose=one.pose, where=one.where)
+                sensor = replace(sensor, link=link, pose=over.pose @ sensor.pose)
+            if sensor.kind == "imu":
+                site = source_model.SourceSite(name=sensor.name, pose=sensor.pose, where=sensor.where)
                 named[link] = replace(named[link], sites=(*named[link].sites, site))
-                one = replace(one, link=None, pose=NO_POSE, site=one.name)
-            sensors.append(one)
+                sensor = replace(sensor, link=None, pose=NO_POSE, site=sensor.name)
+            sensors.append(sensor)
         return tuple(named[link.name] for link in links), tuple(sensors)
 
-    def _transmissions(self, hangings: tuple[source_model.Attachment, ...]) -> Iterable[source_model.SourceTransmission]:
+    def _transmissions(self, attachments: tuple[source_model.Attachment, ...]) -> Iterable[source_model.SourceTransmission]:
         """Yield the transmissions between actuators and independent joints. Other transmissions are recorded as losses."""
-        joints = {joint.name: joint for one in hangings for joint in one.joints if joint.follows is None}
-        for one in self.blocks.transmissions.values():
-            if joints.keys() >= set(one.joints) and (len(one.joints) > 1 or joints[one.joints[0]].drive is not None):
-                yield one
+        joints = {joint.name: joint for attachment in attachments for joint in attachment.joints if joint.follows is None}
+        for transmission in self.blocks.transmissions.values():
+            names = transmission.joints
+            if joints.keys() >= set(names) and (len(names) > 1 or joints[names[0]].drive is not None):
+                yield transmission
             else:
-                why = "a joint of the transmission is not driven independently"
-                self.losses.note(f"the reductions of transmission `{one.name}`", why, one.where)
+                reason = "a joint of the transmission is not driven independently"
+                self.losses.note(f"the reductions of transmission `{transmission.name}`", reason, transmission.where)
 
     def _link(self, element: SourceElement) -> source_model.SourceLink | None:
         name = self.values.word(element, "name")
@@ -190,7 +191,7 @@ class _Urdf:
 
     def _shape(self, element: SourceElement, link: str) -> source_model.SourceShape | None:
         (pose, rpy), geometry = self.values.origin(element), self.values.one(element, "geometry")
-        forms = [] if geometry is None else [one for one in geometry.children if one.tag in INSIDE["geometry"]]
+        forms = [] if geometry is None else [form for form in geometry.children if form.tag in INSIDE["geometry"]]
         if geometry is None or not geometry.children:
             help = 'write <geometry><box size="..."/></geometry>'
             self.values.fault(geometry or element, None, f"this `<{element.tag}>` has no geometry", help)
@@ -216,9 +217,9 @@ class _Urdf:
             help = did_you_mean(name, self.materials, what="materials")
             self.report.warn(Code.SOURCE_DOUBT, f"material `{name}` is not defined", material.place("name"), help=help)
         first = self.materials.get(name, material)
-        if [one.attributes for one in material.all("color")] not in ([], [one.attributes for one in first.all("color")]):
-            why = f"line {first.where.line} defines another material of that name first"
-            self.losses.note(f"the colour of material `{name}`", why, material.where)
+        if [color.attributes for color in material.all("color")] not in ([], [color.attributes for color in first.all("color")]):
+            reason = f"line {first.where.line} defines another material of that name first"
+            self.losses.note(f"the colour of material `{name}`", reason, material.where)
         return self.colors[name]
 
     def _rgba(self, material: SourceElement) -> Color | None:
@@ -226,7 +227,7 @@ class _Urdf:
         rgba = None if color is None else self.values.numbers(color, "rgba", 4)
         return None if rgba is None else (rgba[0], rgba[1], rgba[2], rgba[3])
 
-    def _hanging(self, element: SourceElement) -> source_model.Attachment | None:
+    def _attachment(self, element: SourceElement) -> source_model.Attachment | None:
         name, kind = self.values.word(element, "name"), self.values.word(element, "type")
         ends = {side: end for side in ("parent", "child") if (end := self._end(element, side)) is not None}
         pose, rpy = self.values.origin(element)
@@ -267,7 +268,7 @@ class _Urdf:
         damping = friction = 0.0
         if dynamics is not None:
             damping, friction = (self.values.from_zero(dynamics, key, 0.0) or 0.0 for key in ("damping", "friction"))
-        coupled = any(name in one.joints and len(one.joints) > 1 for one in self.blocks.transmissions.values())
+        coupled = any(name in transmission.joints and len(transmission.joints) > 1 for transmission in self.blocks.transmissions.values())
         controlled = name in self.blocks.driven and not coupled if self.blocks.driven is not None else (ends.effort or 0.0) > 0.0
         if ends.effort == 0.0 == ends.velocity and follows is None:  # exporters write zeros for unknown limits
             ends = replace(ends, effort=None, velocity=None)
@@ -328,14 +329,14 @@ class _Urdf:
 
     def _remove_world_link(self, robot: source_model.SourceRobot) -> source_model.SourceRobot:
         """Remove an empty root link with only one child. The child must be floating, or a fixed child of a root link called `world`."""
-        first = [one for one in robot.hangings if one.parent == robot.root]
+        first = [attachment for attachment in robot.attachments if attachment.parent == robot.root]
         world = next(link for link in robot.links if link.name == robot.root)
-        bare = world.weight is None and not world.shapes and len(first) == 1 and (first[0].floating or not first[0].joints)
-        if bare and (robot.root == WORLD or first[0].floating):
+        is_empty = world.weight is None and not world.shapes and len(first) == 1 and (first[0].floating or not first[0].joints)
+        if is_empty and (robot.root == WORLD or first[0].floating):
             robot = replace(
                 robot, root=first[0].child, base="free" if first[0].floating else "fixed", pose=first[0].pose,
                 links=tuple(link for link in robot.links if link is not world),
-                hangings=tuple(one for one in robot.hangings if one is not first[0]),
+                attachments=tuple(attachment for attachment in robot.attachments if attachment is not first[0]),
             )
         return robot
 
@@ -361,20 +362,20 @@ def expand_xacro(path: str, arguments: Mapping[str, str], packages: Mapping[str,
         )
         return None
     limits = {"seconds": SECONDS, "timeout": 5.0 * SECONDS}
-    asked = json.dumps({"path": path, "packages": dict(packages), "arguments": dict(arguments), **limits})
+    request = json.dumps({"path": path, "packages": dict(packages), "arguments": dict(arguments), **limits})
     command = [sys.executable, "-P", "-m", "thingc.tools.importing.xacro_worker"]
     try:
-        done = subprocess.run(command, input=f"{asked}\n", capture_output=True, text=True, timeout=5.0 * SECONDS + PATIENCE)
-        answer = json.loads(done.stdout)
+        process = subprocess.run(command, input=f"{request}\n", capture_output=True, text=True, timeout=5.0 * SECONDS + PATIENCE)
+        answer = json.loads(process.stdout)
     except (subprocess.TimeoutExpired, ValueError):
         answer = {"failed": "crashed", "words": "the process ended"}
     fault = answer.get("fault")
     if "failed" in answer:
-        how = answer["words"] or f"xacro took longer than {5 * SECONDS} s"
-        fault = f"xacro failed ({how}); the limits are {SECONDS} s and 2 GB"
+        reason = answer["words"] or f"xacro took longer than {5 * SECONDS} s"
+        fault = f"xacro failed ({reason}); the limits are {SECONDS} s and 2 GB"
     elif answer.get("left"):
         fault = "the expressions start processes that do not end"
-    text = "" if fault is not None else _by_packages(answer["text"], answer["packages"])
+    text = "" if fault is not None else _with_package_uris(answer["text"], answer["packages"])
     if fault is None and len(text) > MOST_BYTES:
         fault = f"the URDF text has more than {MOST_BYTES:,} bytes"
     if fault is not None:
@@ -382,10 +383,10 @@ def expand_xacro(path: str, arguments: Mapping[str, str], packages: Mapping[str,
         help = "to allow reading a folder, use `--package NAME=DIR`" if OUTSIDE in fault else "to set `$(arg NAME)`, use `--arg NAME=VALUE`"
         report.add(Code.SOURCE_XML, f"xacro cannot expand this file: {fault}", where, help=help)
         return None
-    return (text.encode(), answer["files"]) if _are_known(arguments, answer["files"], report) else None
+    return (text.encode(), answer["files"]) if _uses_all_arguments(arguments, answer["files"], report) else None
 
 
-def _are_known(arguments: Mapping[str, str], files: Sequence[str], report: Report) -> bool:
+def _uses_all_arguments(arguments: Mapping[str, str], files: Sequence[str], report: Report) -> bool:
     """Return whether the xacro files use all arguments of the command line. Report unused arguments, because xacro ignores them.
 
     YAML files that xacro loads are not searched.
@@ -394,15 +395,15 @@ def _are_known(arguments: Mapping[str, str], files: Sequence[str], report: Repor
     if any("load_yaml" in text for text in texts):
         return True
     known = {name for text in texts for pattern in _ARGUMENTS for name in pattern.findall(text)}
-    for name in (one for one in arguments if one not in known):
+    for name in (name_given for name_given in arguments if name_given not in known):
         help = did_you_mean(name, sorted(known), what="arguments") or "remove the option"
         report.add(Code.COMMAND_LINE, f"--arg {name}: the file has no such argument", None, help=help)
     return known >= arguments.keys()
 
 
-def _by_packages(text: str, folders: Mapping[str, str]) -> str:
+def _with_package_uris(text: str, folders: Mapping[str, str]) -> str:
     """Replace absolute paths that `$(find NAME)` has inserted into the URDF by URIs `package://NAME`."""
-    for name, folder in sorted(folders.items(), key=lambda one: -len(one[1])):
-        for before in ("file://", ""):
-            text = text.replace(f'"{before}{folder}/', f'"package://{name}/')
+    for name, folder in sorted(folders.items(), key=lambda item: -len(item[1])):
+        for prefix in ("file://", ""):
+            text = text.replace(f'"{prefix}{folder}/', f'"package://{name}/')
     return text

@@ -84,8 +84,8 @@ class DocumentWriter(DocumentNaming):
             mounts = [*self._mounts(name)]
             if mounts:
                 yield "    mounts:"
-                yield from (f"      {word}: {{{pose}}}{comment}" for word, pose, comment, _ in mounts)
-                self.places |= {(*path, "mounts", word): where for word, _, _, where in mounts if where is not None}
+                yield from (f"      {mount}: {{{pose}}}{comment}" for mount, pose, comment, _ in mounts)
+                self.places |= {(*path, "mounts", mount): where for mount, _, _, where in mounts if where is not None}
             if name in self.points:  # without an inertia, thingc would distribute the mass of a link over its shapes
                 yield f"  {self.points[name]}:  # the mass of the link, which has no inertia in the source"
                 yield "    frame: true"
@@ -102,8 +102,8 @@ class DocumentWriter(DocumentNaming):
         of = link.weight.properties
         self.places.setdefault(path, link.weight.where)
         self.places |= {(*path, key): link.weight.where for key in ("mass", "com", "inertia")}
-        mended = link.name in self.repaired
-        if mended:
+        is_repaired = link.name in self.repaired
+        if is_repaired:
             yield f"    # repaired ({self.repaired[link.name]}): the original values are in import.json"
         yield f"    mass: {mass(of.mass)}"
         if shapes or any(of.centre):
@@ -114,23 +114,23 @@ class DocumentWriter(DocumentNaming):
             moments = {"ixx": i[0][0], "iyy": i[1][1], "izz": i[2][2]}
             least = ROUNDED * max(map(abs, moments.values()))
             moments |= {key: value for key, value in products.items() if abs(value) > least}
-            said = {key: quantity(value, "kg*m^2") for key, value in moments.items()}
-            yield from _mapping("inertia", {"value": flow(said), "source": "repaired"} if mended else said)
+            items = {key: quantity(value, "kg*m^2") for key, value in moments.items()}
+            yield from _mapping("inertia", {"value": flow(items), "source": "repaired"} if is_repaired else items)
 
     def _shapes(self, link: SourceLink, path: Path) -> Iterator[str]:
         """Yield the lines of the key `shapes` of a link. A visual shape and an equal collision shape become one item."""
         for number, (shape, touch) in enumerate(self.items(link)):
             self.places[(*path, "shapes", number)] = shape.where
-            said = [self._geometry(shape), *([f"at: {{{pose}}}"] if (pose := pose_words(shape.pose, shape.rpy)) else [])]
-            said += [] if shape.use == "visual" and touch is not None else [f"for: {shape.use}"]
+            items = [self._geometry(shape), *([f"at: {{{pose}}}"] if (pose := pose_words(shape.pose, shape.rpy)) else [])]
+            items += [] if shape.use == "visual" and touch is not None else [f"for: {shape.use}"]
             if shape.color is not None:
-                said.append('color: "#{:02x}{:02x}{:02x}"'.format(*(round(255.0 * min(max(one, 0.0), 1.0)) for one in shape.color[:3])))
+                items.append('color: "#{:02x}{:02x}{:02x}"'.format(*(round(255.0 * min(max(c, 0.0), 1.0)) for c in shape.color[:3])))
             if touch is not None and touch.friction:
-                friction = {key: quantity(one, "") for key, one in zip(FRICTION, touch.friction, strict=False)}
-                said.append(f"friction: {flow(friction)}")
+                friction = {key: quantity(value, "") for key, value in zip(FRICTION, touch.friction, strict=False)}
+                items.append(f"friction: {flow(friction)}")
             name = self.title(touch or shape)
-            said += [] if name is None else [f"name: {quote(name)}"]
-            yield f"      - {{{', '.join(said)}}}"
+            items += [] if name is None else [f"name: {quote(name)}"]
+            yield f"      - {{{', '.join(items)}}}"
 
     def _geometry(self, shape: SourceShape) -> str:
         if shape.kind != "mesh":
@@ -138,7 +138,7 @@ class DocumentWriter(DocumentNaming):
         path = self.meshes[shape.mesh or ""]
         unit = None if path.endswith(SAY_THEIR_UNIT) else UNITS.get(shape.size)
         if unit is None:
-            factors = "" if shape.size == (1.0, 1.0, 1.0) else f", scale: [{', '.join(quantity(one, '') for one in shape.size)}]"
+            factors = "" if shape.size == (1.0, 1.0, 1.0) else f", scale: [{', '.join(quantity(factor, '') for factor in shape.size)}]"
             return f"mesh: {path}{'' if path.endswith(SAY_THEIR_UNIT) else ', unit: m'}{factors}"
         return f"mesh: {path}, unit: {unit}"
 
@@ -190,11 +190,11 @@ class DocumentWriter(DocumentNaming):
             yield from self._motion(joint)
         for loop in self.robot.loops:
             (parent, _), (child, _) = loop.ends
-            word = self.loops[loop.name]
-            yield self.entry("joints", word, loop)
+            name_of_joint = self.loops[loop.name]
+            yield self.entry("joints", name_of_joint, loop)
             yield f"    type: {loop.kind}"
-            yield f"    parent: {self.links[parent]}.{self.ends[word]}"
-            yield f"    child: {self.links[child]}.{self.ends[word]}"
+            yield f"    parent: {self.links[parent]}.{self.ends[name_of_joint]}"
+            yield f"    child: {self.links[child]}.{self.ends[name_of_joint]}"
             yield "    loop: true"
 
     def _motion(self, joint: SourceJoint) -> Iterator[str]:
@@ -236,11 +236,11 @@ class DocumentWriter(DocumentNaming):
 
     def _mount_lines(self) -> Iterator[str]:
         """Yield the lines of the section `mounts`, which lists the mounts that the document exports."""
-        frames = [(self.above[name].parent, word, self.link_of[name]) for name, word in self.frames.items()]
+        frames = [(self.above[name].parent, name_of_mount, self.link_of[name]) for name, name_of_mount in self.frames.items()]
         sites = [(link.name, self.sites[site.name], site) for link in self.robot.links for site in link.sites]
-        for link, word, thing in (*frames, *sites):
-            self.places["mounts", word] = thing.where
-            yield f"  {word}: {self.links[link]}.{word}"
+        for link, name_of_mount, thing in (*frames, *sites):
+            self.places["mounts", name_of_mount] = thing.where
+            yield f"  {name_of_mount}: {self.links[link]}.{name_of_mount}"
 
 
 def _mapping(key: str, values: Mapping[str, str]) -> Iterator[str]:

@@ -84,20 +84,20 @@ class JointSearch:
     def proposals(self) -> list[JointProposal]:
         """Return the proposals. All proposals without a `doubt` can be accepted together."""
         circles = [*self._bolt_circles()]
-        found = [*self._turning(circles), *self._sliding(), *circles]
+        candidates = [*self._revolute_joints(circles), *self._prismatic_joints(), *circles]
         connected = {*self.rigid, *self.joined}
-        found = [*{one.key: one for one in reversed(found) if self._pair(one.parent, one.child) not in connected}.values()][::-1]
-        self.found = found
+        candidates = [*{one.key: one for one in reversed(candidates) if self._pair(one.parent, one.child) not in connected}.values()][::-1]
+        self.found = candidates
         while True:
-            accepted = [one for one in found if one.doubt is None]
+            accepted = [candidate for candidate in candidates if candidate.doubt is None]
             of = {name: number for number, group in enumerate(self.groups(accepted)) for name in group}
-            kept: dict[frozenset[int], list[JointProposal]] = {}
-            for one in accepted:
-                kept.setdefault(frozenset((of[one.parent], of[one.child])), []).append(one)
-            doubts = {one.key: doubt for ends, joints in kept.items() for one, doubt in _doubts_between(ends, joints)}
+            accepted_by_groups: dict[frozenset[int], list[JointProposal]] = {}
+            for candidate in accepted:
+                accepted_by_groups.setdefault(frozenset((of[candidate.parent], of[candidate.child])), []).append(candidate)
+            doubts = {one.key: doubt for ends, joints in accepted_by_groups.items() for one, doubt in _doubts_between(ends, joints)}
             if not doubts:
-                return self._name_proposals(found)
-            found = [replace(one, doubt=doubts.get(one.key, one.doubt)) for one in found]
+                return self._name_proposals(candidates)
+            candidates = [replace(candidate, doubt=doubts.get(candidate.key, candidate.doubt)) for candidate in candidates]
 
     def groups(self, accepted: Sequence[JointProposal]) -> list[list[str]]:
         """Return the groups of components that are rigidly connected, except by the accepted joints.
@@ -105,8 +105,8 @@ class JointSearch:
         If a joint is accepted, parts that touch around the same axis can also turn.
         """
         axes = [one.line for one in accepted if one.kind == "revolute"]
-        around = [one for one in self.found if one.kind == "revolute" and any(same_line(one.line, axis) for axis in axes)]
-        pairs = [self._pair(one.parent, one.child) for one in (*accepted, *around)]
+        coaxial = [one for one in self.found if one.kind == "revolute" and any(same_line(one.line, axis) for axis in axes)]
+        pairs = [self._pair(one.parent, one.child) for one in (*accepted, *coaxial)]
         return self._rigid_groups({*pairs}.union(*(self.released.get(pair, set()) for pair in pairs)))
 
     def _rigid_groups(self, free: Collection[Pair]) -> list[list[str]]:
@@ -122,23 +122,23 @@ class JointSearch:
         first, second = sorted((one, other), key=self.order.index)
         return first, second
 
-    def _name_proposals(self, found: Sequence[JointProposal]) -> list[JointProposal]:
+    def _name_proposals(self, proposals: Sequence[JointProposal]) -> list[JointProposal]:
         """Give every proposal a name that is unique."""
         names: list[str] = []
-        for one in found:
-            name, number = f"{one.parent}_to_{one.child}", 1
+        for proposal in proposals:
+            name, number = f"{proposal.parent}_to_{proposal.child}", 1
             while name in names:
                 number += 1
-                name = f"{one.parent}_to_{one.child}_{number}"
+                name = f"{proposal.parent}_to_{proposal.child}_{number}"
             names.append(name)
-        return [replace(one, name=name) for one, name in zip(found, names, strict=True)]
+        return [replace(proposal, name=name) for proposal, name in zip(proposals, names, strict=True)]
 
     # --- joints that turn ---------------------------------------------------------------------------------------------
 
-    def _turning(self, circles: Sequence[JointProposal]) -> Iterator[JointProposal]:
+    def _revolute_joints(self, circles: Sequence[JointProposal]) -> Iterator[JointProposal]:
         """Yield the proposed revolute joints. A bolt circle around the axis of a joint may be its second bearing."""
-        turns = {pair: line for pair, one in self.contacts.items() if (line := turning_about(one)) is not None}
-        found: list[JointProposal] = []
+        turns = {pair: line for pair, one in self.contacts.items() if (line := axis_of_rotation(one)) is not None}
+        proposals: list[JointProposal] = []
         for line, members in self._clusters(turns):
             pins = [name for name in members if self._is_pin(name, line)]
             others = [name for name in members if name not in pins]
@@ -148,36 +148,36 @@ class JointSearch:
             others.sort(key=self.order.index)
             pins = [name for name in pins if name not in others]
             doubt = self._doubt(line, others, pins, members)
-            around = {pair for pair in combinations(members, 2) if _turns_or_rests(self.contacts.get(pair, Contact()), line)}
-            around |= {self._pair(one.parent, one.child) for one in circles if same_line(one.line, line)}
-            sides = [[name for name in group if name in others] for group in self._rigid_groups({*turns, *around})]
-            first, *rest = [side for side in sides if side] or [others]
-            for side in rest:
-                across = {self._pair(one, other) for one in first for other in side}
-                if across <= around:
-                    doubts = doubt or (f"{len(rest) + 1} parts share the axis" if len(rest) > 1 else None)
-                    found.append(JointProposal(name="", kind="revolute", parent=first[0], child=side[0], line=line, doubt=doubts))
-                    self.released[self._pair(first[0], side[0])] = across | self._turning_pairs(first, side, pins)
-        pairs = [(one.parent, one.child) for one in found]
-        yield from (one for one, pair in zip(found, pairs, strict=True) if pairs.count(pair) == 1)
+            releasable = {pair for pair in combinations(members, 2) if _allows_rotation(self.contacts.get(pair, Contact()), line)}
+            releasable |= {self._pair(one.parent, one.child) for one in circles if same_line(one.line, line)}
+            sides = [[name for name in group if name in others] for group in self._rigid_groups({*turns, *releasable})]
+            first, *other_sides = [side for side in sides if side] or [others]
+            for side in other_sides:
+                crossing = {self._pair(one, other) for one in first for other in side}
+                if crossing <= releasable:
+                    doubts = doubt or (f"{len(other_sides) + 1} parts share the axis" if len(other_sides) > 1 else None)
+                    proposals.append(JointProposal(name="", kind="revolute", parent=first[0], child=side[0], line=line, doubt=doubts))
+                    self.released[self._pair(first[0], side[0])] = crossing | self._turning_pairs(first, side, pins)
+        pairs = [(one.parent, one.child) for one in proposals]
+        yield from (one for one, pair in zip(proposals, pairs, strict=True) if pairs.count(pair) == 1)
 
     def _clusters(self, turns: Mapping[Pair, CentreLine]) -> Iterator[tuple[CentreLine, list[str]]]:
         """Yield each axis with the components that are connected by shafts and holes, or round parts, about this axis."""
-        rest = dict(turns)
-        while rest:
-            pair, line = next(iter(rest.items()))
+        remaining = dict(turns)
+        while remaining:
+            pair, line = next(iter(remaining.items()))
             members = [*pair]
             for name in members:
-                for one in [one for one in rest if name in one and same_line(rest[one], line)]:
+                for one in [one for one in remaining if name in one and same_line(remaining[one], line)]:
                     members += [other for other in one if other not in members]
-            rest = {one: of for one, of in rest.items() if not (same_line(of, line) and one[0] in members)}
+            remaining = {one: of for one, of in remaining.items() if not (same_line(of, line) and one[0] in members)}
             yield line, sorted(members, key=self.order.index)
 
     def _is_pin(self, name: str, line: CentreLine) -> bool:
         """Return whether a component is round about an axis, and all its contacts allow a rotation about this axis."""
         touching = [one for pair, one in self.contacts.items() if name in pair]
         is_round = any(same_line(axis, line) for axis in self.bodies[name].round_about)
-        return is_round and all(_turns_or_rests(one, line) for one in touching) and not any(name in pair for pair in self.rigid)
+        return is_round and all(_allows_rotation(one, line) for one in touching) and not any(name in pair for pair in self.rigid)
 
     def _doubt(self, line: CentreLine, others: Sequence[str], pins: Sequence[str], members: Sequence[str]) -> str | None:
         """Return the reason why a revolute joint is not the only possible connection, or None."""
@@ -201,27 +201,27 @@ class JointSearch:
 
     def _turning_pairs(self, first: Sequence[str], other: Sequence[str], pins: Sequence[str]) -> set[Pair]:
         """Return the pairs that can turn if each pin is connected to only one of the two sides of a joint."""
-        held = {pin: [[name for name in side if self._pair(pin, name) in self.contacts] for side in (first, other)] for pin in pins}
-        free = {self._pair(pin, name) for pin, (one, two) in held.items() if one for name in two}
-        sides = {pin: bool(one) for pin, (one, two) in held.items() if one or two}
+        touching = {pin: [[name for name in side if self._pair(pin, name) in self.contacts] for side in (first, other)] for pin in pins}
+        free = {self._pair(pin, name) for pin, (one, two) in touching.items() if one for name in two}
+        sides = {pin: bool(one) for pin, (one, two) in touching.items() if one or two}
         return free | {self._pair(one, two) for one, two in combinations(sides, 2) if sides[one] != sides[two]}
 
     # --- joints that slide, and bolt circles ---------------------------------------------------------------------------
 
-    def _sliding(self) -> Iterator[JointProposal]:
+    def _prismatic_joints(self) -> Iterator[JointProposal]:
         """Yield the proposed prismatic joints: parts between faces around one direction, and parts on two parallel rods."""
-        for (parent, child), one in self.contacts.items():
-            lines = distinct_lines(one.shafts)
-            normals = [face.normal for face in one.faces]
+        for (parent, child), contact in self.contacts.items():
+            lines = distinct_lines(contact.shafts)
+            normals = [face.normal for face in contact.faces]
             doubt = None
             if len(lines) > 1 and not normals and all(parallel(lines[0], line.axis) for line in lines):
                 line, doubt = lines[0], "the rods may be fixed in their holes"
-                reach = [value for shaft in one.shafts for value in (shaft.lower, shaft.upper)]
+                reach = [value for shaft in contact.shafts for value in (shaft.lower, shaft.upper)]
             else:
                 axis = None if lines else _enclosed_direction(normals)
                 if axis is None:
                     continue
-                corners = [corner for face in one.faces for corner in face.corners]
+                corners = [corner for face in contact.faces for corner in face.corners]
                 x, y, z = (round((min(values) + max(values)) / 2.0, DECIMALS) for values in zip(*corners, strict=True))
                 line, reach = CentreLine(point=(x, y, z), axis=axis), [dot(corner, axis) for corner in corners]
             fastener = next((name for name in (parent, child) if self.bodies[name].fastens), None)
@@ -232,10 +232,10 @@ class JointSearch:
 
     def _bolt_circles(self) -> Iterator[JointProposal]:
         """Yield revolute joints about the centres of bolt circles, such as those of horns of servos."""
-        for (parent, child), one in self.contacts.items():
-            if not one.faces or not all(dist(one.faces[0].normal, face.normal) < 1e-6 for face in one.faces):
+        for (parent, child), contact in self.contacts.items():
+            if not contact.faces or not all(dist(contact.faces[0].normal, face.normal) < 1e-6 for face in contact.faces):
                 continue
-            centre = _circle_centre([line for line, _ in one.holes if parallel(line, one.faces[0].normal)])
+            centre = _circle_centre([line for line, _ in contact.holes if parallel(line, contact.faces[0].normal)])
             if centre is not None:
                 doubt = "a bolt circle also fits a rigid connection"
                 yield JointProposal(name="", kind="revolute", parent=parent, child=child, line=centre, doubt=doubt)
@@ -246,12 +246,12 @@ def _doubts_between(ends: frozenset[int], joints: Sequence[JointProposal]) -> It
 
     If several joints about the same axis connect the same groups, only the first has no doubt.
     """
-    same_axis = all(one.kind == "revolute" and same_line(one.line, joints[0].line) for one in joints)
-    for number, one in enumerate(joints):
+    same_axis = all(joint.kind == "revolute" and same_line(joint.line, joints[0].line) for joint in joints)
+    for number, joint in enumerate(joints):
         if len(ends) == 1:
-            yield one, "other contacts connect the same parts rigidly"
+            yield joint, "other contacts connect the same parts rigidly"
         elif len(joints) > 1 and (number > 0 or not same_axis):
-            yield one, "another joint connects the same parts"
+            yield joint, "another joint connects the same parts"
 
 
 def distinct_lines(shafts: Sequence[ShaftContact]) -> list[CentreLine]:
@@ -263,14 +263,14 @@ def distinct_lines(shafts: Sequence[ShaftContact]) -> list[CentreLine]:
     return lines
 
 
-def turning_about(one: Contact) -> CentreLine | None:
+def axis_of_rotation(contact: Contact) -> CentreLine | None:
     """Return the axis about which two parts can turn, or None if their contacts do not have exactly one such axis."""
-    lines = distinct_lines(one.shafts)
-    return lines[0] if len(lines) == 1 and all(parallel(lines[0], face.normal) for face in one.faces) else None
+    lines = distinct_lines(contact.shafts)
+    return lines[0] if len(lines) == 1 and all(parallel(lines[0], face.normal) for face in contact.faces) else None
 
 
-def _turns_or_rests(one: Contact, line: CentreLine) -> bool:
-    return all(same_line(line, shaft.line) for shaft in one.shafts) and all(parallel(line, face.normal) for face in one.faces)
+def _allows_rotation(contact: Contact, line: CentreLine) -> bool:
+    return all(same_line(line, shaft.line) for shaft in contact.shafts) and all(parallel(line, face.normal) for face in contact.faces)
 
 
 def _enclosed_direction(normals: Sequence[Vector]) -> Vector | None:
@@ -284,8 +284,8 @@ def _enclosed_direction(normals: Sequence[Vector]) -> Vector | None:
     axis = (x / size, y / size, z / size)
     if any(abs(dot(axis, one)) > 1e-6 for one in normals):
         return None
-    around = along(axis, (0.0, 0.0, 0.0)).inverse()
-    angles = sorted(math.atan2(v[1], v[0]) for v in (rotate(around.rotation, one) for one in normals))
+    to_axis = along(axis, (0.0, 0.0, 0.0)).inverse()
+    angles = sorted(math.atan2(v[1], v[0]) for v in (rotate(to_axis.rotation, one) for one in normals))
     gaps = [after - before for before, after in zip(angles, [*angles[1:], angles[0] + 2.0 * math.pi], strict=True)]
     return axis if max(gaps) < math.pi - 1e-3 else None
 
@@ -305,17 +305,17 @@ def round_axes(inertia: Sequence[Sequence[float]], centre: Vector, lines: Sequen
 
     The inertia is about the centre of mass, in the frame of the part; the axes are in the frame of the robot, in which the part has a pose.
     """
-    found: list[CentreLine] = []
+    axes: list[CentreLine] = []
     for line in lines:
         x, y, z = (rotate(pose.inverse().rotation, axis) for axis in zip(*along(line.axis, (0.0, 0.0, 0.0)).rotation, strict=True))
 
         def product(one: Vector, other: Vector) -> float:
             return math.fsum(one[i] * inertia[i][j] * other[j] for i in range(3) for j in range(3))
 
-        most = max(product(x, x), product(y, y), product(z, z))
+        largest = max(product(x, x), product(y, y), product(z, z))
         uneven = (product(x, x) - product(y, y), product(x, y), product(x, z), product(y, z))
         at = pose.apply(centre)
         offset = dist(line.point, tuple(at[k] - dot(at, line.axis) * line.axis[k] for k in range(3)))
-        if max(map(abs, uneven)) <= _ROUND * most and offset < 1e-4 and not any(same_line(line, other) for other in found):
-            found.append(line)
-    return tuple(found)
+        if max(map(abs, uneven)) <= _ROUND * largest and offset < 1e-4 and not any(same_line(line, other) for other in axes):
+            axes.append(line)
+    return tuple(axes)

@@ -59,37 +59,37 @@ class FlattenedSource:
         self.losses = Losses()
         self.roots: list[SourceElement] = []
         self.strip, self.folder = False, ""
-        self.made = self.mesh_bytes = 0
+        self.element_count = self.mesh_bytes = 0
         self.names: set[str | None] = set()
         self.models: dict[str, bytes] = {}
-        self.words: dict[int, str] = {}
+        self.model_files: dict[int, str] = {}
         self.sizes: dict[str, int] = {}
 
     def text(self) -> str | None:
         """Return the flattened text. If a file is missing or invalid, report an error and return None."""
-        before = len(self.report.diagnostics)
+        error_count = len(self.report.diagnostics)
         text = self._file(self.root)
-        return text if len(self.report.diagnostics) == before else None
+        return text if len(self.report.diagnostics) == error_count else None
 
-    def element(self, said: str) -> SourceElement:
+    def element(self, message: str) -> SourceElement:
         """Return the source element of the line that a MuJoCo message mentions, such as `line 7`.
 
         Return the root element if the message does not contain a line number.
         """
-        number = [int(one) for one in re.findall(r"line\s*=?\s*(\d{1,9})\b", said)]
+        number = [int(one) for one in re.findall(r"line\s*=?\s*(\d{1,9})\b", message)]
         return self.lines[number[-1] - 1] if number and 1 <= number[-1] <= len(self.lines) else self.root
 
     def find_root(self, element: SourceElement) -> SourceElement:
-        """Return the root element whose attribute `model` is the model name for an element.
+        """Return the root element whose attribute `model` names the robot to which `element` belongs.
 
-        The result is the root element of the element's file, or of the main file if the element's file does not specify a model name.
+        This is the root element of the file that contains `element`, or of the main file if that file does not specify a model name.
         """
         named = (one for one in self.roots if one.where.file == element.where.file and one.attributes.get("model", "").strip())
         return next(named, self.root)
 
-    def place(self, said: str, attribute: str | None = None) -> Span:
+    def place(self, message: str, attribute: str | None = None) -> Span:
         """Return the source location of the line that a MuJoCo message mentions."""
-        element = self.element(said)
+        element = self.element(message)
         return element.where if attribute is None else element.place(attribute)
 
     def _file(self, root: SourceElement) -> str:
@@ -100,16 +100,16 @@ class FlattenedSource:
         self._include(root)
         for model in (one for section in root.all("asset") for one in section.all("model")):
             if (attached := self._read(model)) is not None:
-                made, name = self.made, model.attributes.get("name") or attached.attributes.get("model", "")
+                elements_before, name = self.element_count, model.attributes.get("name") or attached.attributes.get("model", "")
                 self.models[f"{len(self.models)}.xml"] = self._file(attached).encode()
-                self.words[id(model)] = f"{len(self.models) - 1}.xml"
-                self.sizes[name] = max(self.sizes.get(name, 0), self.made - made)
+                self.model_files[id(model)] = f"{len(self.models) - 1}.xml"
+                self.sizes[name] = max(self.sizes.get(name, 0), self.element_count - elements_before)
         settings: dict[str, str] = {}
         for compiler in root.all("compiler"):
             settings |= compiler.attributes
         self.strip = settings.get("strippath") == "true"
-        beside = os.path.relpath(os.path.dirname(root.where.file), self.packages.folder)
-        self.folder = os.path.join(beside, settings.get("meshdir", settings.get("assetdir", "")))
+        folder_of_file = os.path.relpath(os.path.dirname(root.where.file), self.packages.folder)
+        self.folder = os.path.join(folder_of_file, settings.get("meshdir", settings.get("assetdir", "")))
         start = len(self.texts)
         self._write(root, 1)
         return "\n" * start + "\n".join(self.texts[start:])
@@ -136,10 +136,10 @@ class FlattenedSource:
         name, where = element.attributes.get("file", ""), element.place("file")
         if element.children:
             self.report.add(Code.SOURCE_VALUE, "an `<include>` has child elements", element.where, help="move them out of the `<include>`")
-        beside = os.path.relpath(os.path.join(os.path.dirname(element.where.file), name), self.packages.folder)
+        path_from_main = os.path.relpath(os.path.join(os.path.dirname(element.where.file), name), self.packages.folder)
         try:
             try:
-                path, data = self.packages.read(beside)
+                path, data = self.packages.read(path_from_main)
             except NotFound:
                 path, data = self.packages.read(name)
         except NotFound as fault:
@@ -158,16 +158,16 @@ class FlattenedSource:
 
         If the model has too many elements, the method reports one error and does not append lines.
         """
-        if self.made > MOST_ELEMENTS:
+        if self.element_count > MOST_ELEMENTS:
             return
-        self.made += copies * (1 + self.sizes.get(element.attributes.get("model", ""), 0) if element.tag == "attach" else 1)
-        if self.made > MOST_ELEMENTS:
+        self.element_count += copies * (1 + self.sizes.get(element.attributes.get("model", ""), 0) if element.tag == "attach" else 1)
+        if self.element_count > MOST_ELEMENTS:
             message = f"the model has more than {MOST_ELEMENTS:,} elements, including copies made by `<replicate>`"
             self.report.add(Code.SOURCE_VALUE, message, element.where, help="reduce their number")
             return
         if element.tag == "replicate":
-            written = re.match(r"\s*\+?(\d{1,12})", element.attributes.get("count", ""))  # MuJoCo ignores text after the number
-            copies *= 1 if written is None else int(written[1])
+            count = re.match(r"\s*\+?(\d{1,12})", element.attributes.get("count", ""))  # MuJoCo ignores text after the number
+            copies *= 1 if count is None else int(count[1])
             if copies > MOST_COPIES:
                 message = f"this makes {copies:,} copies, but at most {MOST_COPIES:,} are supported"
                 self.report.add(Code.SOURCE_VALUE, message, element.place("count"), help="reduce their number")
@@ -183,15 +183,15 @@ class FlattenedSource:
             self.report.add(Code.SOURCE_VALUE, message, element.where, help="reduce `inttotal`, or increase `timestep`")
             return
         attributes = dict(element.attributes)
-        self._look_at_numbers(element)
+        self._check_numbers(element)
         if element.tag == "inertial" and element.attributes.get("mass", "").strip().startswith("-"):
             self.losses.note(f"a mass of {element.attributes['mass'].strip()}", "MuJoCo uses 0 instead", element.place("mass"))
         if element.tag == "compiler":
             attributes = {name: value for name, value in attributes.items() if name not in FOLDERS}
         elif element.tag == "material":
             attributes.pop("texture", None)
-        elif id(element) in self.words:
-            attributes["file"] = self.words[id(element)]
+        elif id(element) in self.model_files:
+            attributes["file"] = self.model_files[id(element)]
         elif element.tag == "mesh" and "file" in attributes:
             attributes |= self._mesh(element)
         self._line(f"<{element.tag}{''.join(f' {name}={quoteattr(value)}' for name, value in attributes.items())}>", element)
@@ -199,7 +199,7 @@ class FlattenedSource:
             self._write(child, copies)
         self._line(f"</{element.tag}>", element)
 
-    def _look_at_numbers(self, element: SourceElement) -> None:
+    def _check_numbers(self, element: SourceElement) -> None:
         """Report an error for each number in an element that is not finite. MuJoCo does not report such numbers."""
         for name, value in element.attributes.items():
             wrong = next((word for word in value.split() if word.lower().lstrip("+-") in NOT_FINITE), None)
@@ -233,9 +233,9 @@ class FlattenedSource:
                 return {}
             content, ending = SMALL_SOLID, f"{ABSENT}.obj"
         made_of = repr((uri, sorted(element.attributes.items()))).encode()
-        word = f"{hashlib.sha256(made_of + content).hexdigest()}{ending}"
-        self.files[word], self.meshes[word] = content, uri
-        return {"name": name, "file": word}
+        file_name = f"{hashlib.sha256(made_of + content).hexdigest()}{ending}"
+        self.files[file_name], self.meshes[file_name] = content, uri
+        return {"name": name, "file": file_name}
 
 
 def _steps(element: SourceElement) -> float:

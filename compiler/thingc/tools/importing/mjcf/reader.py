@@ -59,12 +59,12 @@ def _compile(flat: FlattenedSource, text: str, report: Report) -> CompiledSource
             model = spec.compile()
     except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as fault:
         message = str(fault)
-        for word, uri in flat.meshes.items():
-            message = message.replace(word, uri)
-        said = re.sub(r"^(XML )?Error: |Error: |Schema violation: ", "", message.split("\nElement")[0]).strip()
-        attribute = re.search(r"attribute:? '(\w+)'", said)
+        for mesh_file, uri in flat.meshes.items():
+            message = message.replace(mesh_file, uri)
+        message_of_mujoco = re.sub(r"^(XML )?Error: |Error: |Schema violation: ", "", message.split("\nElement")[0]).strip()
+        attribute = re.search(r"attribute:? '(\w+)'", message_of_mujoco)
         where = flat.place(message, None if attribute is None else attribute[1])
-        report.add(Code.SOURCE_VALUE, f"MuJoCo cannot load this: {said}", where, help="fix the element at this line")
+        report.add(Code.SOURCE_VALUE, f"MuJoCo cannot load this: {message_of_mujoco}", where, help="fix the element at this line")
         return None
     original = CompiledSource(flat, spec, model)
     for geom in (one for one in absent if not one.parent.explicitinertial):
@@ -93,40 +93,41 @@ class _Reader:
             message = f"the robot has {len(self.parents):,} bodies, but at most {MOST_LINKS:,} are supported"
             self.report.add(Code.SOURCE_TREE, message, self.original.flat.root.where)
             return None
-        kept, root = self._robot_bodies()
-        if kept == {WORLD}:
+        bodies, root = self._robot_bodies()
+        if bodies == {WORLD}:
             self.report.add(Code.SOURCE_TREE, "the robot has no body", self.original.flat.root.where)
             return None
-        for body in self.free & kept - {root}:
+        for body in self.free & bodies - {root}:
             self.parents[body], self._released[body] = root, (NO_POSE if root == WORLD else self._pose(root)).inverse() @ self._pose(body)
-        on = self._carriers(kept, root)
-        for body in (body for body in sorted(kept) if self.model.body_mass[body] <= 0.0 and any(floats(self.model.body_inertia[body]))):
-            what = f"the inertia of body `{self.original.bodies[body]}`"
-            self.original.lose("body", body, what, "the body has no mass")
-        links = [body for body in sorted(kept) if on[body][0] == body or body in self._mounts]
-        joints = {joint for body in kept for joint in self.joints[body]}
-        sites = {site for site in range(self.model.nsite) if int(self.model.site_bodyid[site]) in kept}
-        heads = self._heads(on, root)
-        tendons = Tendons(self.original, joints, sites, on, heads)
-        whole = [self._link(body, on) for body in links]
+        carriers = self._carriers(bodies, root)
+        for body in (body for body in sorted(bodies) if self.model.body_mass[body] <= 0.0 and any(floats(self.model.body_inertia[body]))):
+            description = f"the inertia of body `{self.original.bodies[body]}`"
+            self.original.lose("body", body, description, "the body has no mass")
+        links = [body for body in sorted(bodies) if carriers[body][0] == body or body in self._mounts]
+        joints = {joint for body in bodies for joint in self.joints[body]}
+        sites = {site for site in range(self.model.nsite) if int(self.model.site_bodyid[site]) in bodies}
+        heads = self._heads(carriers, root)
+        tendons = Tendons(self.original, joints, sites, carriers, heads)
+        rigid_links = [self._link(body, carriers) for body in links]
         added = Added(self.original, {"joint": joints, "site": sites, "geom": self.shapes.shown}, tendons, heads)
-        drives = Actuators(self.original, joints, tendons, on, added)
-        couplings = Equalities(self.original, drives, on, added)
+        drives = Actuators(self.original, joints, tendons, carriers, added)
+        couplings = Equalities(self.original, drives, carriers, added)
         between: list[SourceLink] = []
-        hangings = [one for body in links if body != root for one in self._hangings(body, on, between, drives, couplings)]
+        attachments = [one for body in links if body != root for one in self._attachments(body, carriers, between, drives, couplings)]
         base: SourceBase = "free" if root in self.free else "held" if root in self.mocap else "fixed"
-        sensed = Sensing(self.original, on, added, drives.driven, root).all()
-        excluded = touching(self.original, on, heads, None if base == "free" else root, added)
+        sensed = Sensing(self.original, carriers, added, drives.driven, root).all()
+        excluded = touching(self.original, carriers, heads, None if base == "free" else root, added)
         gravity = floats(self.model.opt.gravity)
-        states = poses(self.original, on, root, base, {joint.name: joint for one in hangings for joint in one.joints}, self._released)
+        joints_by_name = {joint.name: joint for one in attachments for joint in one.joints}
+        states = poses(self.original, carriers, root, base, joints_by_name, self._released)
         simulated, set_up = simulation(self.original), options(self.original)
         free = self.joints[root][0] if base == "free" else -1
         set_up += tuple((("joint", "root", name), value) for name, value in (free_joint(self.original, free) if base == "free" else ()))
-        self._lose_layout(root, hangings, bool(states), {name for one in sensed for name, _ in one.parts}, added)
-        named = self.original.flat.find_root(self.original.element("body", min(body for body in kept if body != WORLD)))
+        self._lose_layout(root, attachments, bool(states), {name for one in sensed for name, _ in one.parts}, added)
+        named = self.original.flat.find_root(self.original.element("body", min(body for body in bodies if body != WORLD)))
         return SourceRobot(
-            name=_name(named), where=named.place("model"), root=self.original.bodies[root], links=(*whole, *between),
-            hangings=tuple(hangings), base=base, pose=NO_POSE if root == WORLD else self._pose(root),
+            name=_name(named), where=named.place("model"), root=self.original.bodies[root], links=(*rigid_links, *between),
+            attachments=tuple(attachments), base=base, pose=NO_POSE if root == WORLD else self._pose(root),
             losses=self.original.losses.all(), loops=couplings.loops, adhesions=drives.adhesions,
             tendons=tendons.with_drives(drives.of_tendon), sensors=sensed, poses=states, excluded=excluded,
             added=tuple(added.elements),
@@ -136,50 +137,50 @@ class _Reader:
             simulation=simulated, options=set_up, files=self.shapes.files,
         )
 
-    def _lose_layout(self, root: int, hangings: Sequence[Attachment], posed: bool, sensed: set[str], added: Added) -> None:
+    def _lose_layout(self, root: int, attachments: Sequence[Attachment], posed: bool, sensed: set[str], added: Added) -> None:
         """Record a loss if elements have other indices in `MjData` of a model that is generated from the document.
 
         If the source has no keyframes, also record a loss for each joint whose start value changes.
         """
-        for joint in (joint for one in hangings for joint in one.joints if not posed and joint.follows is None):
+        for joint in (joint for one in attachments for joint in one.joints if not posed and joint.follows is None):
             if joint.begin is not None and abs(joint.begin - joint.start) > _ALIKE:
-                what = f"the start position of joint `{joint.name}`, {joint.start:g}"
-                self.original.losses.note(what, f"the value is outside the limits; {joint.begin:g} is used", joint.where)
+                description = f"the start position of joint `{joint.name}`, {joint.start:g}"
+                self.original.losses.note(description, f"the value is outside the limits; {joint.begin:g} is used", joint.where)
         sensed |= {one.name for one in added.elements if one.section == "sensor"}
         self._lose_indices("data.ctrl", [1] * self.model.nu, sorted(added.kept["actuator"]))
         self._lose_indices("data.sensordata", self.model.sensor_dim, [k for k, name in self.original.sensors.items() if name in sensed])
-        order = self._joint_order(root, hangings)
+        order = self._joint_order(root, attachments)
         for array, sizes in (("data.qpos", {FREE: 7, 1: 4}), ("data.qvel", {FREE: 6, 1: 3})):
             self._lose_indices(array, [sizes.get(int(one), 1) for one in self.model.jnt_type], order)
 
-    def _joint_order(self, root: int, hangings: Sequence[Attachment]) -> list[int]:
+    def _joint_order(self, root: int, attachments: Sequence[Attachment]) -> list[int]:
         """Return the indices of the source joints in the order of the joints in a model that is generated from the document."""
         numbers_of = {name: number for number, name in self.original.joints.items()}
         island: dict[str, int] = {}
-        tree = [*downwards(self.original.bodies[root], hangings)]
-        for number, one in enumerate(tree, 1):
-            island[one.child] = number if one.floating else island.get(one.parent, 0)
-        tree.sort(key=lambda one: island[one.child])
-        return [*self.joints[root][: root in self.free], *(numbers_of[joint.name] for one in tree for joint in one.joints)]
+        tree = [*downwards(self.original.bodies[root], attachments)]
+        for number, attachment in enumerate(tree, 1):
+            island[attachment.child] = number if attachment.floating else island.get(attachment.parent, 0)
+        tree.sort(key=lambda attachment: island[attachment.child])
+        return [*self.joints[root][: root in self.free], *(numbers_of[joint.name] for attachment in tree for joint in attachment.joints)]
 
-    def _lose_indices(self, array: str, sizes: Sequence[int], kept: Sequence[int]) -> None:
+    def _lose_indices(self, array: str, sizes: Sequence[int], order: Sequence[int]) -> None:
         """Record a loss if entries of an array of `MjData` have other indices in a model that is generated from the document.
 
-        `kept` contains the indices of the elements that the generated model contains, in the order of that model.
+        `order` contains the indices of the elements that the generated model contains, in the order of that model.
         """
-        starts, runs, here = [0, *accumulate(map(int, sizes))], list[list[int]](), 0
-        for there, size in ((starts[number], int(sizes[number])) for number in kept):
-            if runs and runs[-1][0] + runs[-1][2] == there:
+        starts, runs, new_start = [0, *accumulate(map(int, sizes))], list[list[int]](), 0
+        for old_start, size in ((starts[number], int(sizes[number])) for number in order):
+            if runs and runs[-1][0] + runs[-1][2] == old_start:
                 runs[-1][2] += size
             else:
-                runs.append([there, here, size])
-            here += size
-        moved = [f"[{there}:{there + size}] is [{here}:{here + size}]" for there, here, size in runs if there != here]
+                runs.append([old_start, new_start, size])
+            new_start += size
+        moved = [f"[{old}:{old + size}] is [{new}:{new + size}]" for old, new, size in runs if old != new]
         if moved:
-            why = f"the array of the exported model has another order: {', '.join(moved)}"
-            self.original.losses.note(f"the indices of `{array}`", why, self.original.flat.root.where)
+            reason = f"the array of the exported model has another order: {', '.join(moved)}"
+            self.original.losses.note(f"the indices of `{array}`", reason, self.original.flat.root.where)
 
-    def _hangings(
+    def _attachments(
         self, body: int, on: dict[int, tuple[int, Pose]], between: list[SourceLink], drives: Actuators, couplings: Equalities,
     ) -> Iterator[Attachment]:
         """Yield the attachments that connect a body to its parent, one for each joint of the body.
@@ -190,16 +191,16 @@ class _Reader:
         name, above, place, where = original.bodies[body], original.bodies[parent], pose @ self._pose(body), original.where("body", body)
         *inner, last = self.joints[body] or [-1]
         for joint in inner:
-            word = f"{name} {original.joints[joint]}"
-            while word in self.link_names:
-                word += "_"
-            self.link_names.add(word)
-            between.append(SourceLink(name=word, where=original.where("joint", joint)))
+            link_name = f"{name} {original.joints[joint]}"
+            while link_name in self.link_names:
+                link_name += "_"
+            self.link_names.add(link_name)
+            between.append(SourceLink(name=link_name, where=original.where("joint", joint)))
             yield Attachment(
-                name=word, parent=above, child=word, pose=place, where=original.where("joint", joint),
+                name=link_name, parent=above, child=link_name, pose=place, where=original.where("joint", joint),
                 joints=(joint_of(original, joint, drives, couplings),),
             )
-            above, place = word, NO_POSE
+            above, place = link_name, NO_POSE
         joints = () if last < 0 else (joint_of(original, last, drives, couplings),)
         yield Attachment(name=name, parent=above, child=name, pose=place, where=where, joints=joints, floating=body in self._released)
 
@@ -224,20 +225,20 @@ class _Reader:
         chosen = max(groups, key=lambda one: (joints[one], len(groups[one] - {WORLD}), -one))
         for body in tops:
             if group[body] != chosen and body not in self.free:
-                what = f"body `{self.original.bodies[body]}`, with everything attached to it"
-                self.original.lose("body", body, what, "the body is not part of the robot, and a document contains only one robot")
+                description = f"body `{self.original.bodies[body]}`, with everything attached to it"
+                self.original.lose("body", body, description, "the body is not part of the robot, and a document contains only one robot")
         on_world = self._on_world(planes=False)
         if chosen == WORLD:
             first = [body for body in tops if group[body] == WORLD]
             alone = len(first) == 1 and not self.joints[first[0]] and not on_world
-            kept = groups[WORLD] - {WORLD} if alone else groups[WORLD]
+            bodies_of_robot = groups[WORLD] - {WORLD} if alone else groups[WORLD]
         else:
-            kept = groups[chosen]
-        for kind, number in [*self._on_world(planes=True), *([] if WORLD in kept else on_world)]:
+            bodies_of_robot = groups[chosen]
+        for kind, number in [*self._on_world(planes=True), *([] if WORLD in bodies_of_robot else on_world)]:
             is_plane = (kind, number) not in on_world
-            why = "floors are part of a scene, not of a robot" if is_plane else "fixed to the world, so not part of the robot"
-            self.original.lose(kind, number, f"a {kind} of the world", why)
-        return kept.union(*(groups[body] for body in groups.keys() & self.free)), min(kept)
+            reason = "floors are part of a scene, not of a robot" if is_plane else "fixed to the world, so not part of the robot"
+            self.original.lose(kind, number, f"a {kind} of the world", reason)
+        return bodies_of_robot.union(*(groups[body] for body in groups.keys() & self.free)), min(bodies_of_robot)
 
     def _on_world(self, *, planes: bool) -> list[tuple[str, int]]:
         """Return pairs of kind and index for the geoms and sites of the world body.
