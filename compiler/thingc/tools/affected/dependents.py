@@ -66,23 +66,23 @@ def affected_documents(changed: Collection[str] | None, folder: str, store: Stor
     real = None if changed is None else frozenset(os.path.realpath(path) for path in changed)
     if real is not None and not real:
         return AffectedDocuments(documents=(), roots=())
-    needs = {path: _needs(path, store) for path in documents_in(folder)}
-    met = sorted(path for path, need in needs.items() if real is None or _meets(path, need, real))
+    needs = {path: _needs_of(path, store) for path in documents_in(folder)}
+    affected = sorted(path for path, need in needs.items() if real is None or _is_affected(path, need, real))
     # compiling a variants document does not read the assemblies that the document lists, so the assemblies are added here
-    varied = {os.path.realpath(path) for path in met}
-    met = sorted({*met, *(path for path, need in needs.items() if need.varies & varied)})
-    inside = {inner for path in met for inner in needs[path].nested}
-    roots = [path for path in met if needs[path].modes or (needs[path].assembly and os.path.realpath(path) not in inside)]
-    return AffectedDocuments(documents=tuple(met), roots=tuple(roots))
+    varied = {os.path.realpath(path) for path in affected}
+    affected = sorted({*affected, *(path for path, need in needs.items() if need.varies & varied)})
+    inside = {inner for path in affected for inner in needs[path].nested}
+    roots = [path for path in affected if needs[path].modes or (needs[path].assembly and os.path.realpath(path) not in inside)]
+    return AffectedDocuments(documents=tuple(affected), roots=tuple(roots))
 
 
-def _meets(path: str, need: _Needs, changed: frozenset[str]) -> bool:
+def _is_affected(path: str, need: _Needs, changed: frozenset[str]) -> bool:
     if os.path.realpath(path) in changed or need.files & changed:
         return True
     return any(not file.endswith(".py") and file.startswith(folder + os.sep) for file in changed for folder in need.folders)
 
 
-def _needs(path: str, store: Store | None) -> _Needs:
+def _needs_of(path: str, store: Store | None) -> _Needs:
     report = Report()
     workspace = Workspace.find(path, report)
     documents = load(path, workspace, report, kinds=KINDS) if workspace is not None else None
@@ -113,13 +113,13 @@ def part_inputs(references: Iterable[str], workspace: Workspace, store: Store | 
     """
     code = PartCode(workspace, store)
     files = {os.path.join(workspace.root, LOCK_FILE)}
-    own = False
+    uses_workspace = False
     for reference in references:
         ingredients = code.code(reference)
         if isinstance(ingredients, CodeIngredients):
             files.update(ingredients.files)
-        own = own or code.sources.finder.find(reference.partition(":")[0]).workspace
-    return frozenset(files | code.probed), tuple(workspace.parts) if own else ()
+        uses_workspace = uses_workspace or code.sources.finder.find(reference.partition(":")[0]).workspace
+    return frozenset(files | code.probed), tuple(workspace.parts) if uses_workspace else ()
 
 
 def _files(documents: Documents) -> Iterator[str]:
@@ -146,9 +146,9 @@ def _texts(document: Document, key: str) -> Iterator[str]:
             waiting += node.entries.values()
             values = [value for name, value in node.entries.items() if name == key or name.endswith(f".{key}")]
             for value in values:
-                for one in value.items if isinstance(value, SequenceNode) else [value]:
-                    if isinstance(one, ScalarNode) and isinstance(one.value, str):
-                        yield one.value
+                for item in value.items if isinstance(value, SequenceNode) else [value]:
+                    if isinstance(item, ScalarNode) and isinstance(item.value, str):
+                        yield item.value
         elif isinstance(node, SequenceNode):
             waiting += node.items
 
@@ -181,19 +181,19 @@ def changed_paths(folder: str, *commits: str, trusted: bool = False) -> list[str
     return sorted({*names} - {""})
 
 
-def git(folder: str, *words: str, trusted: bool = False) -> str:
+def git(folder: str, *arguments: str, trusted: bool = False) -> str:
     """Run a git command, and return its output as a string. See `run_git` for the arguments and exceptions."""
-    return os.fsdecode(run_git(folder, *words, trusted=trusted))  # without newline translation: a name can contain a carriage return
+    return os.fsdecode(run_git(folder, *arguments, trusted=trusted))  # without newline translation: a name can contain a carriage return
 
 
-def run_git(folder: str, *words: str, given: bytes = b"", trusted: bool = False) -> bytes:
-    """Run a git command in a folder, and return its output as bytes. `given` is the standard input of the command.
+def run_git(folder: str, *arguments: str, stdin: bytes = b"", trusted: bool = False) -> bytes:
+    """Run a git command in a folder, and return its output as bytes. `stdin` is the standard input of the command.
 
     Git does not run commands from the configuration of the repository: file system monitors, hooks, filters and transports. If `trusted` is
     true, git can run filters and transports. Git always reads the configuration files of the user and of the system. Raises
     `NotARepository`.
     """
-    if any("\0" in word for word in words):
+    if any("\0" in word for word in arguments):
         raise NotARepository("a revision cannot contain NUL")
     options = ["-c", "core.fsmonitor=false", "-c", "core.hooksPath=/dev/null"]
     environment = {**os.environ, "GIT_OPTIONAL_LOCKS": "0"}
@@ -202,12 +202,12 @@ def run_git(folder: str, *words: str, given: bytes = b"", trusted: bool = False)
             environment |= {"GIT_NO_LAZY_FETCH": "1", "GIT_ALLOW_PROTOCOL": "", "THINGC_EMPTY": ""}
             listed = subprocess.run(["git", "config", "--list", "--show-scope", "--name-only", "-z"], cwd=folder, capture_output=True)
             fields = os.fsdecode(listed.stdout).split("\0")
-            own = {key for scope, key in zip(fields[::2], fields[1::2]) if scope in ("local", "worktree") and key.startswith("filter.")}
-            options += [f"--config-env={key}=THINGC_EMPTY" for key in sorted(own)]  # `-c` cannot set a name that contains `=`
-        done = subprocess.run(["git", *options, *words], cwd=folder, capture_output=True, input=given, env=environment)
+            filters = {key for scope, key in zip(fields[::2], fields[1::2]) if scope in ("local", "worktree") and key.startswith("filter.")}
+            options += [f"--config-env={key}=THINGC_EMPTY" for key in sorted(filters)]  # `-c` cannot set a name that contains `=`
+        process = subprocess.run(["git", *options, *arguments], cwd=folder, capture_output=True, input=stdin, env=environment)
     except FileNotFoundError as fault:
         raise NotARepository("git is not installed here") from fault
-    if done.returncode != 0:
-        said = os.fsdecode(done.stderr).strip().splitlines()
-        raise NotARepository(said[0] if said else f"git {words[0]} failed without a message")
-    return done.stdout
+    if process.returncode != 0:
+        messages = os.fsdecode(process.stderr).strip().splitlines()
+        raise NotARepository(messages[0] if messages else f"git {arguments[0]} failed without a message")
+    return process.stdout

@@ -70,20 +70,20 @@ class _Reader:
 
     def calibrated_joint(self, name: str, motor: MotorSpec) -> CalibratedJoint | None:
         """Return the joint with its motor. Return None after errors, which are reported."""
-        before, joint = len(self.report.diagnostics), self.joints.get(name)
+        count, joint = len(self.report.diagnostics), self.joints.get(name)
         if joint is None:
             place, help = self.document.span(("joints", name), key=True), did_you_mean(name, self.joints, what="joints")
             self.report.add(Code.UNKNOWN_JOINT, f"the robot has no joint `{name}`", place, help=help)
             return None
         if joint.mimic is not None or joint.kind.at_once:
-            what = f"mimics `{joint.mimic.joint}`" if joint.mimic is not None else "is a ball joint"
-            self._error(Code.JOINT_FIELD, f"joint `{name}` {what} and cannot have a motor", help="remove this joint", name=name)
+            problem = f"mimics `{joint.mimic.joint}`" if joint.mimic is not None else "is a ball joint"
+            self._error(Code.JOINT_FIELD, f"joint `{name}` {problem} and cannot have a motor", help="remove this joint", name=name)
             return None
         ticks = self._scale(name, motor, joint)
-        if len(self.report.diagnostics) > before or ticks is None:
+        if len(self.report.diagnostics) > count or ticks is None:
             return None
         lowest, highest = self._range(name, motor, joint, ticks)
-        return None if len(self.report.diagnostics) > before else CalibratedJoint(
+        return None if len(self.report.diagnostics) > count else CalibratedJoint(
             joint=joint, id=motor.id, offset=motor.offset, sign=motor.sign, ticks=ticks, lowest=lowest, highest=highest,
             modulus=motor.ticks_per_turn, model=motor.model,
         )

@@ -94,22 +94,22 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _add(arguments: argparse.Namespace, options: Options) -> int:
-    what = arguments.what
-    if what == "part" and arguments.no_code:
+    kind = arguments.what
+    if kind == "part" and arguments.no_code:
         raise console.WrongCommandLine("--no-code does not apply to a part, whose code must run to find its mounts", "remove the option")
     for option, owners in OPTIONS.items():
-        if getattr(arguments, option) is not None and what not in owners:
-            written = "--name" if option == "component" else "--" + option.replace("_", "-")
+        if getattr(arguments, option) is not None and kind not in owners:
+            option_text = "--name" if option == "component" else "--" + option.replace("_", "-")
             meant = " or ".join(map(_article, owners))
-            raise console.WrongCommandLine(f"{written} applies to {meant}, not to {_article(what)}", "remove the option")
+            raise console.WrongCommandLine(f"{option_text} applies to {meant}, not to {_article(kind)}", "remove the option")
     if arguments.to is None:
-        if what not in ("part", "assembly"):
-            help = f"write, for example, `thingc add {what} {arguments.name} --to robot.yaml`"
-            raise console.WrongCommandLine(f"{_article(what)} requires a document", help)
+        if kind not in ("part", "assembly"):
+            help = f"write, for example, `thingc add {kind} {arguments.name} --to robot.yaml`"
+            raise console.WrongCommandLine(f"{_article(kind)} requires a document", help)
         for option in ("on", "at", "by"):
             if getattr(arguments, option) is not None:
                 raise console.WrongCommandLine(f"--{option} requires --to", "add --to with the document")
-        return _write(arguments, options, None, STUBS[what](arguments, None))
+        return _write(arguments, options, None, STUBS[kind](arguments, None))
     if arguments.on is not None and arguments.at is not None:
         raise console.WrongCommandLine(
             "--on cannot be combined with --at", "use only one of the two options: --on attaches a mount, --at places a frame",
@@ -121,7 +121,7 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
     documents = load_documents(arguments.to, options, memo)
     if documents is None:
         return _say(arguments, check_document(arguments.to, options)[1])
-    return _write(arguments, options, documents, STUBS[what](arguments, documents), memo)
+    return _write(arguments, options, documents, STUBS[kind](arguments, documents), memo)
 
 
 def _write(
@@ -137,9 +137,9 @@ def _write(
         if documents is not None:
             root = documents.root
             changed, memo = _with_addition(root, addition), memo or Memo()
-            before, after = document_change(root, changed.text)
-            remember(dataclasses.replace(changed, sha256=hashlib.sha256(after).hexdigest()), memo)
-            _, diagnostics = check_document(root.path, replace(options, texts={root.path: after}), memo=memo)
+            old, new = document_change(root, changed.text)
+            remember(dataclasses.replace(changed, sha256=hashlib.sha256(new).hexdigest()), memo)
+            _, diagnostics = check_document(root.path, replace(options, texts={root.path: new}), memo=memo)
             if console.exit_code(diagnostics):
                 _, already = check_document(root.path, options)
                 if console.exit_code(already):
@@ -147,7 +147,7 @@ def _write(
                 code = _say(arguments, diagnostics, texts={root.path: changed.text})
                 console.say(f"{shown_path(root.path)} was not changed; the lines above are from the new text", stream=sys.stderr)
                 return code
-            changes[root.path] = before, after
+            changes[root.path] = old, new
         with signals.delay_signals():
             keep(changes)
     where = [] if documents is None else [f"{shown_path(documents.root.path)}: {'.'.join(keys)}" for keys in addition.values]

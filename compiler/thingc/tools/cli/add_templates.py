@@ -57,17 +57,17 @@ def _part(arguments: argparse.Namespace, documents: Documents | None) -> Documen
     workspace = Workspace.find(os.path.abspath("document") if documents is None else documents.root.path, report)
     if workspace is None:
         raise console.WrongCommandLine(report.diagnostics[0].message, "fix the workspace first")
-    told = ":" in arguments.name
-    reference = arguments.name if told else _reference(arguments.name)
+    has_reference = ":" in arguments.name
+    reference = arguments.name if has_reference else _reference(arguments.name)
     module, _, name = reference.partition(":")
     with geometry_of(workspace, console.options_of(arguments)) as geometry:
         place = geometry.part_code.sources.finder.find(module)
         if not arguments.new:
-            elsewhere = told and (re.fullmatch(NAME, module) is None or not (place.workspace or place.kind == "absent"))
+            elsewhere = has_reference and (re.fullmatch(NAME, module) is None or not (place.workspace or place.kind == "absent"))
             source = geometry.part_code.sources.source(module)
             if elsewhere or place.workspace and source is not None and name in source.facts.names:
                 return _placed_part(arguments, documents, geometry, reference)
-            near = closest_name(reference, geometry.catalogue()) if told else None
+            near = closest_name(reference, geometry.catalogue()) if has_reference else None
             if near is not None:
                 help = f"did you mean `{near}`? To create a new class, add --new"
                 raise console.WrongCommandLine(f"there is no part `{reference}`", help)
@@ -122,8 +122,8 @@ def _new_part(arguments: argparse.Namespace, documents: Documents | None, refere
 
     If the module does not exist, create it.
     """
-    told, _, given = reference.partition(":")
-    module, name = _identifier(told), _class_name(given)
+    told, _, class_name = reference.partition(":")
+    module, name = _identifier(told), _class_name(class_name)
     if keyword.iskeyword(name) or name in _bound_names(parse_python(new_part("_", None))):
         raise console.WrongCommandLine(f"`{name}` is not available as the name of a class", "choose another name")
     component = arguments.component or _snake(name)
@@ -135,8 +135,8 @@ def _new_part(arguments: argparse.Namespace, documents: Documents | None, refere
     if os.path.exists(path):
         change = _append_class(path, name, text)
     elif keyword.iskeyword(module) or _is_installed(module):
-        what = "a keyword of Python" if keyword.iskeyword(module) else "an installed Python module"
-        raise console.WrongCommandLine(f"`{module}` is {what}", f"specify a module: `thingc add part {module}_parts:{name}`")
+        kind = "a keyword of Python" if keyword.iskeyword(module) else "an installed Python module"
+        raise console.WrongCommandLine(f"`{module}` is {kind}", f"specify a module: `thingc add part {module}_parts:{name}`")
     if documents is None or placed is None:
         return DocumentEdit(values={}, files={path: change})
     value = {"part": f"{module}:{name}", **_params(arguments), **weight, **placed}
@@ -161,17 +161,17 @@ def _snake(name: str) -> str:
 def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> DocumentEdit:
     """Create a component that nests another document. If that document does not exist, create it."""
     path = _nested_path(arguments.name, None if documents is None else documents.root.path)
-    there = os.path.lexists(path)
-    if documents is None and there:
+    exists = os.path.lexists(path)
+    if documents is None and exists:
         hint = "choose another name, or add it to a document: --to robot.yaml"
         raise console.WrongCommandLine(f"`{shown_path(path)}` exists already", hint)
     name = _identifier(without_suffix(os.path.basename(path)))
     text = new_assembly(name, ".toml" if path.lower().endswith(".toml") else ".yaml")
-    files: dict[str, Change] = {} if there else {path: (None, text.encode())}
+    files: dict[str, Change] = {} if exists else {path: (None, text.encode())}
     if documents is None:
         return DocumentEdit(values={}, files=files)
     root, component = documents.root, arguments.component or name
-    mount = _own_mount(path) if there and arguments.on is not None and arguments.by is None else "base"
+    mount = _own_mount(path) if exists and arguments.on is not None and arguments.by is None else "base"
     nested = os.path.relpath(path, os.path.dirname(root.path)).replace(os.sep, "/")
     value = {"assembly": nested, **_params(arguments, "parameters"), **_placement_keys(arguments, root, component, mount)}
     return DocumentEdit(values={("components", component): value}, files=files)
@@ -216,8 +216,8 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Documen
         raise console.WrongCommandLine(message, "omit --root, or write `--base free`")
     stands = soles[0] if by_sole else arguments.root or str(first["root"])
     usual: tuple[BaseType, ...] = ("held", "fixed") if by_sole else ("free",) if soles else ("fixed", "held", "free")
-    taken = {str(mode.get("base", "fixed")) for mode in (_extend_mode(modes, one) for one in modes) if mode.get("root") == stands}
-    base: BaseType = arguments.base or next((one for one in usual if one not in taken), usual[0])
+    bases = {str(mode.get("base", "fixed")) for mode in (_extend_mode(modes, one) for one in modes) if mode.get("root") == stands}
+    base: BaseType = arguments.base or next((one for one in usual if one not in bases), usual[0])
     value: dict[str, Written] = {"root": stands, "base": base}
     if by_sole:
         pass  # the mount is at the origin of the world
@@ -365,10 +365,10 @@ def _new(root: Document, section: str, name: str, hint: str = "choose another na
     Raises `WrongCommandLine` if the section already contains the name.
     """
     _identifier(name)
-    taken = {known.lower(): known for known in _section(root.tree, section)}
-    if name.lower() in taken:
-        document, what = shown_path(root.path), section.removesuffix("s")
-        raise console.WrongCommandLine(f"`{document}` already has a {what} `{taken[name.lower()]}`", hint)
+    existing = {known.lower(): known for known in _section(root.tree, section)}
+    if name.lower() in existing:
+        document, kind = shown_path(root.path), section.removesuffix("s")
+        raise console.WrongCommandLine(f"`{document}` already has a {kind} `{existing[name.lower()]}`", hint)
     return name
 
 
@@ -406,9 +406,9 @@ def _append_class(path: str, name: str, text: str) -> Change:
     """Return the edit that appends a class with the source code `text` to a Python module, and adds the missing imports."""
     with open(path, "rb") as stream:
         data = stream.read()
-    before = data.decode()
+    source = data.decode()
     try:
-        module = parse_python(before)
+        module = parse_python(source)
     except SyntaxError as fault:
         message = f"`{shown_path(path)}` cannot be read as Python: {fault.msg}"
         raise console.WrongCommandLine(message, f"correct line {fault.lineno}") from fault
@@ -420,7 +420,7 @@ def _append_class(path: str, name: str, text: str) -> Change:
         if isinstance(node, ast.ImportFrom) and f"{node.module}.*" not in bound:
             names = [alias.name for alias in node.names if alias.name not in bound]
             missing += [f"from {node.module} import {', '.join(names)}\n"] if names else []
-    lines = before.splitlines(keepends=True)
+    lines = source.splitlines(keepends=True)
     if lines and not lines[-1].endswith("\n"):
         lines[-1] += "\n"
     imports = [node for node in module.body if isinstance(node, (ast.Import, ast.ImportFrom))]

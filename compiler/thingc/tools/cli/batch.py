@@ -94,9 +94,9 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.ship and arguments.cluster is None:
             raise console.WrongCommandLine("--ship requires --cluster", "add --cluster tcp://HOST:8786")
         exclusive = ("--adopt", "--dry-run", "--page-only", "--unpack", "--resume")
-        said = [option for option in exclusive if getattr(arguments, option[2:].replace("-", "_"))]
-        if len(said) > 1:
-            raise console.WrongCommandLine(f"{said[0]} cannot be combined with {said[1]}", "use only one of the two options")
+        given = [option for option in exclusive if getattr(arguments, option[2:].replace("-", "_"))]
+        if len(given) > 1:
+            raise console.WrongCommandLine(f"{given[0]} cannot be combined with {given[1]}", "use only one of the two options")
         timeout = None if arguments.timeout is None else console.time_of("--timeout", arguments.timeout)
         targets = chosen_targets(arguments.emit)
         if arguments.adopt is not None:
@@ -124,15 +124,15 @@ def run(arguments: argparse.Namespace) -> int:
 def _resume_command(arguments: argparse.Namespace) -> str:
     """Return the command line with which the user can continue an interrupted batch with the same options."""
     pictures = {ALL: "all", 0: "none"}.get(arguments.pictures, arguments.pictures)
-    said = {
+    settings = {
         "-o": arguments.output, "--limit": arguments.limit, "--layout": arguments.layout, "--timeout": arguments.timeout,
         "--cluster": arguments.cluster, "--pictures": pictures, "--verify": arguments.verify if arguments.verify != "some" else None,
         "--store": arguments.store, "--jobs": arguments.jobs or None, "--part-timeout": arguments.part_timeout,
     }
     words = ["thingc", "batch", arguments.document, *(word for target in arguments.emit for word in ("--emit", target))]
-    words += [str(word) for option, value in said.items() if value is not None for word in (option, value)]
+    words += [str(word) for option, value in settings.items() if value is not None for word in (option, value)]
     flags = {"--ship": arguments.ship, "--resume": True, "--retry": arguments.retry}
-    return shlex.join([*words, *(flag for flag, said in flags.items() if said)])
+    return shlex.join([*words, *(flag for flag, is_set in flags.items() if is_set)])
 
 
 def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...], timeout: float | None) -> Summary:
@@ -142,8 +142,8 @@ def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, 
     with contextlib.ExitStack() as leaving:
         cluster = None
         if arguments.cluster is not None:
-            own = os.path.abspath(os.path.join(arguments.output or ".", f".thingc-jobs-{os.getpid()}"))
-            cluster = leaving.enter_context(connect(arguments.cluster, jobs=options.jobs, folder=own))
+            job_folder = os.path.abspath(os.path.join(arguments.output or ".", f".thingc-jobs-{os.getpid()}"))
+            cluster = leaving.enter_context(connect(arguments.cluster, jobs=options.jobs, folder=job_folder))
         summary = run(
             arguments.document, output=arguments.output, executor=cluster, jobs=options.jobs, emit=targets, limit=arguments.limit,
             resume=arguments.resume, timeout=timeout or TIMEOUT, verify=VERIFY[arguments.verify], options=options,
@@ -162,7 +162,7 @@ class _Show:
     """
 
     def __init__(self) -> None:
-        self.said = time.monotonic()
+        self.last_line = time.monotonic()
 
     def __call__(self, progress: Progress) -> None:
         """Update the displayed progress of the batch."""
@@ -172,8 +172,8 @@ class _Show:
         line = f"{progress.done} of {format_count(progress.count, 'variant')} ({counts}); {progress.rate:.3g} a second{estimate}"
         if sys.stderr.isatty():
             console.say_in_place(line)
-        elif time.monotonic() - self.said >= PAUSE:
-            self.said = time.monotonic()
+        elif time.monotonic() - self.last_line >= PAUSE:
+            self.last_line = time.monotonic()
             console.say(line, stream=sys.stderr)
 
 
@@ -227,15 +227,15 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     lines += [f"{format_count(summary.duplicates, 'duplicate')} omitted"] if summary.duplicates else []
     if summary.lossy:
         number = format_count(sum(summary.losses.values()), "export loss")
-        how = ", ".join(f"{count} {how}" for how, count in summary.losses.items())
-        lines.append(f"{format_count(summary.lossy, 'variant')} with {number} ({how}): see the column `losses`")
+        losses = ", ".join(f"{count} {kind}" for kind, count in summary.losses.items())
+        lines.append(f"{format_count(summary.lossy, 'variant')} with {number} ({losses}): see the column `losses`")
     where = f" -o {shlex.quote(arguments.output)}" if arguments.output is not None else ""
     command = f"thingc batch {shlex.quote(arguments.document)}{where}"
     if summary.layout == PACKED:
         lines.append(f"the variants are packed, {CHUNK} per file; to write the folder of one variant: {command} --unpack ID")
     if arguments.pictures is None and summary.count > MANY:
-        asked = f"{command} --page-only --pictures {MOST}"
-        lines.append(f"by default, the page of more than {MANY} variants has no pictures; to draw them: {asked}")
+        command_for_pictures = f"{command} --page-only --pictures {MOST}"
+        lines.append(f"by default, the page of more than {MANY} variants has no pictures; to draw them: {command_for_pictures}")
     lines += _complaints(summary.folder) if code else []
     console.say(*lines, stream=sys.stderr)
     return code

@@ -57,8 +57,8 @@ def _documents(arguments: argparse.Namespace) -> Iterator[str]:
     seen: set[str] = set()
     for word in arguments.document:
         if os.path.isdir(word) and not arguments.touched:
-            own = os.path.join(word, OWN_FILE)
-            paths = [*([own] if os.path.isfile(own) else []), *(shown_path(path) for path in documents_in(word))]
+            workspace_file = os.path.join(word, OWN_FILE)
+            paths = [*([workspace_file] if os.path.isfile(workspace_file) else []), *(shown_path(path) for path in documents_in(word))]
         elif arguments.touched:
             paths = [word] if is_document(word) or os.path.basename(word) == OWN_FILE and os.path.isfile(word) else []
         else:

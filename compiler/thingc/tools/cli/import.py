@@ -101,15 +101,15 @@ def _import_step(arguments: argparse.Namespace, report: Report) -> int:
 
 def _assembly_lines(arguments: argparse.Namespace, imported: ImportedAssembly, folder: str) -> list[str]:
     """Describe an imported STEP assembly, and suggest commands that the user can run next."""
-    assembly, here = imported.assembly, shown_path(folder)
+    assembly, folder_text = imported.assembly, shown_path(folder)
     things = [(len(assembly.assemblies), "document"), (imported.components, "component"), (len(assembly.parts), "part")]
     words = [format_count(number, what) for number, what in things]
     source = os.path.basename(arguments.file)
-    said = [f"{'would import' if arguments.check else here + ':'} {', '.join(words[:-1])} and {words[-1]} of {source}"]
-    said += [f"  {note}" for note in _some([*imported.notes])]
-    document = shlex.quote(os.path.join(here, imported.document))
-    return said if arguments.check else [
-        *said, "", f"  thingc check {document}    report errors and warnings", f"  thingc joints {document}   propose joints",
+    lines = [f"{'would import' if arguments.check else folder_text + ':'} {', '.join(words[:-1])} and {words[-1]} of {source}"]
+    lines += [f"  {note}" for note in _some([*imported.notes])]
+    document = shlex.quote(os.path.join(folder_text, imported.document))
+    return lines if arguments.check else [
+        *lines, "", f"  thingc check {document}    report errors and warnings", f"  thingc joints {document}   propose joints",
     ]
 
 
@@ -156,12 +156,12 @@ def _describe_merge(now: Update, *, disputed: bool) -> list[str]:
 
     `disputed` is true if a change in the source conflicts with a user's edit.
     """
-    taken = [f"  {format_path(path)}: {_became(old, new)}" for path, old, new in now.merged.taken]
-    kept = [f"  {name}" for name in (*map(format_path, now.merged.kept), *now.kept)]
-    said = [f"merged: {format_count(len(taken), 'change')} of the source", *_some(taken)] if taken else []
-    if not taken and not disputed:
-        said = ["no changes in the source"]
-    return said + ([f"preserved edits: {len(kept)}", *_some(kept)] if kept else [])
+    from_source = [f"  {format_path(path)}: {_became(old, new)}" for path, old, new in now.merged.taken]
+    from_user = [f"  {name}" for name in (*map(format_path, now.merged.kept), *now.kept)]
+    lines = [f"merged: {format_count(len(from_source), 'change')} of the source", *_some(from_source)] if from_source else []
+    if not from_source and not disputed:
+        lines = ["no changes in the source"]
+    return lines + ([f"preserved edits: {len(from_user)}", *_some(from_user)] if from_user else [])
 
 
 def _became(old: str, new: str) -> str:
@@ -178,9 +178,9 @@ def _some(lines: list[str]) -> list[str]:
 def _would(arguments: argparse.Namespace, imported: Imported) -> list[str]:
     """Describe the result of a dry run of an import: the content of the robot, the repairs, and all losses with their line numbers."""
     source = os.path.basename(arguments.file)
-    said = [f"would import {_read(arguments, imported)}"]
-    said += [f"{source}:{one.link.where.line}: repaired: mass and inertia of `{one.link.name}` ({one.how})" for one in imported.repaired]
-    return said + [f"{source}:{one.where.line}: lost: {one.what}: {one.why}" for one in imported.losses]
+    lines = [f"would import {_read(arguments, imported)}"]
+    lines += [f"{source}:{one.link.where.line}: repaired: mass and inertia of `{one.link.name}` ({one.how})" for one in imported.repaired]
+    return lines + [f"{source}:{one.where.line}: lost: {one.what}: {one.why}" for one in imported.losses]
 
 
 def _read(arguments: argparse.Namespace, imported: Imported) -> str:
@@ -195,16 +195,16 @@ def _read(arguments: argparse.Namespace, imported: Imported) -> str:
 
 def _format_result(arguments: argparse.Namespace, imported: Imported, folder: str, changes: list[str]) -> list[str]:
     """Describe the files that an import has written, and suggest commands that the user can run next."""
-    robot, here = imported.robot, shown_path(folder)
-    said = [f"{here}: {_read(arguments, imported)}", *changes]
+    robot, folder_text = imported.robot, shown_path(folder)
+    lines = [f"{folder_text}: {_read(arguments, imported)}", *changes]
     if imported.renamed:
-        said.append(f"renamed: {format_count(len(imported.renamed), 'element')}, listed in {os.path.join(here, 'import.json')}")
+        lines.append(f"renamed: {format_count(len(imported.renamed), 'element')}, listed in {os.path.join(folder_text, 'import.json')}")
     if imported.repaired:
-        said.append(f"repaired: {quote_names([one.link.name for one in imported.repaired], 6)}; old and new numbers are in import.json")
+        lines.append(f"repaired: {quote_names([one.link.name for one in imported.repaired], 6)}; old and new numbers are in import.json")
     if imported.losses:
-        said.append(f"not imported: {format_count(len(imported.losses), 'element')}, listed in {os.path.join(here, 'import.json')}")
-        said += [f"  {one.what}: {one.why}" for one in imported.losses if one.what.startswith("the indices of")]
-    document = shlex.quote(os.path.join(here, imported.document))
+        lines.append(f"not imported: {format_count(len(imported.losses), 'element')}, listed in {os.path.join(folder_text, 'import.json')}")
+        lines += [f"  {one.what}: {one.why}" for one in imported.losses if one.what.startswith("the indices of")]
+    document = shlex.quote(os.path.join(folder_text, imported.document))
     steps = [
         (f"thingc check {document}", "report errors and warnings"),
         (f"thingc view {document}", "show the robot in your browser, updated after every save"),
@@ -213,6 +213,6 @@ def _format_result(arguments: argparse.Namespace, imported: Imported, folder: st
     if not arguments.root:
         end = next((link.name for link in reversed(robot.links) if link.name != robot.root), None)
         if end is not None:
-            said.append("for another root, use `--root LINK`, or add a mode to the document")
+            lines.append("for another root, use `--root LINK`, or add a mode to the document")
     width = max(len(command) for command, _ in steps)
-    return [*said, "", *(f"  {command:{width}}   {what}" for command, what in steps)]
+    return [*lines, "", *(f"  {command:{width}}   {what}" for command, what in steps)]

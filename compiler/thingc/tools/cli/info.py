@@ -57,9 +57,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 def as_data(assembly: Assembly, robots: tuple[Robot, ...]) -> dict[str, object]:
     """Return a description of the robot for the JSON output: in SI units, at q = 0, and in the frame of the base component."""
-    whole = assembly.properties
+    total = assembly.properties
     return {
-        "name": assembly.name, "mass": whole.mass, "centre": list(whole.centre), "inertia": [list(row) for row in whole.inertia],
+        "name": assembly.name, "mass": total.mass, "centre": list(total.centre), "inertia": [list(row) for row in total.inertia],
         "occurrences": [
             {
                 "path": o.path, "definition": o.definition.text, "mass": o.properties.mass, "mass_source": o.mass_source,
@@ -86,13 +86,13 @@ def mode_data(robot: Robot) -> dict[str, object]:
 
 def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
     """Format the data that `as_data` returns as lines of text. Masses are in grams and lengths in millimetres."""
-    whole = assembly.properties
+    total = assembly.properties
     places = (("ixx", 0, 0), ("iyy", 1, 1), ("izz", 2, 2), ("ixy", 0, 1), ("ixz", 0, 2), ("iyz", 1, 2))
-    moments = "  ".join(f"{name} {1e6 * whole.inertia[i][j]:z.2f}" for name, i, j in places)
+    moments = "  ".join(f"{name} {1e6 * total.inertia[i][j]:z.2f}" for name, i, j in places)
     lines = [
-        f"{assembly.name}: {_grams(whole.mass)} in {format_count(len(assembly.occurrences), 'occurrence')}, "
+        f"{assembly.name}: {_grams(total.mass)} in {format_count(len(assembly.occurrences), 'occurrence')}, "
         f"{format_count(len(assembly.links), 'link')}, {format_count(sum(1 for mate in assembly.mates if mate.joints), 'joint')}",
-        "centre of mass  " + "  ".join(f"{1000.0 * x:z.3f}" for x in whole.centre) + "  mm, in the frame of "
+        "centre of mass  " + "  ".join(f"{1000.0 * x:z.3f}" for x in total.centre) + "  mm, in the frame of "
         f"`{assembly.occurrences[assembly.base].path}` at q = 0",
         f"inertia         {moments}  kg mm^2, about the centre of mass",
         "mass by source  " + _shares(assembly),
@@ -118,8 +118,8 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
             mate = assembly.mates[body.mate]
             crossed = ", crossed from child to parent" if assembly.link_of[mate.child] != body.link else ""
             by = " ".join(joint.path for joint in body.joints) or mate.name
-            how = body.joints[0].kind.name if body.at_once else ", ".join(joint.twist.core for joint in body.joints) or "fixed"
-            lines.append(f"  {name}  <- {by} ({how}{crossed}) on {parent}")
+            joint_text = body.joints[0].kind.name if body.at_once else ", ".join(joint.twist.core for joint in body.joints) or "fixed"
+            lines.append(f"  {name}  <- {by} ({joint_text}{crossed}) on {parent}")
         lines += _loops(robot)
     return lines
 
@@ -187,8 +187,8 @@ def _shares(assembly: Assembly) -> str:
     mass: dict[str, float] = {}
     for o in assembly.occurrences:
         mass[o.mass_source] = mass.get(o.mass_source, 0.0) + o.properties.mass
-    whole = sum_of(mass.values()) or 1.0
-    return ", ".join(f"{source} {_grams(m)} ({100.0 * m / whole:.1f} %)" for source, m in sorted(mass.items()) if m)
+    total = sum_of(mass.values()) or 1.0
+    return ", ".join(f"{source} {_grams(m)} ({100.0 * m / total:.1f} %)" for source, m in sorted(mass.items()) if m)
 
 
 def mates_text(assembly: Assembly) -> list[str]:

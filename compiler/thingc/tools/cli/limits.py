@@ -63,10 +63,10 @@ def run(arguments: argparse.Namespace) -> int:
         return code
     from thingc.tools.cli import set as set_command
 
-    given = {path: text for one in found for path, text in _values(one).items()}
+    values = {path: text for one in found for path, text in _values(one).items()}
     if nested := ", ".join(f"`{one.joint.name}`" for one in found if "." in one.joint.name and any(one.contacts)):
         console.say(f"note: limits of joints of nested documents are not written: {nested}", stream=sys.stderr)
-    return set_command.write(arguments.document, given, console.options_of(arguments), arguments) if given else code
+    return set_command.write(arguments.document, values, console.options_of(arguments), arguments) if values else code
 
 
 def _widths(texts: Sequence[str]) -> dict[object, float]:

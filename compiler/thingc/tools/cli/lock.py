@@ -50,11 +50,11 @@ def run(arguments: argparse.Namespace) -> int:
     options = console.options_of(arguments)
     if not os.path.isdir(arguments.folder):
         raise console.WrongCommandLine(f"`{arguments.folder}` is not a folder", "use the folder of a workspace")
-    written = _lock(arguments.folder, options, report, check=arguments.check)
+    line = _lock(arguments.folder, options, report, check=arguments.check)
     stream = sys.stdout if arguments.check else sys.stderr
     code = console.print_found(report.sorted_diagnostics(), arguments.format, stream=stream, debug=arguments.debug)
-    if written is not None and arguments.format == "text":
-        console.say(written)
+    if line is not None and arguments.format == "text":
+        console.say(line)
     return code
 
 
@@ -65,33 +65,33 @@ def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str 
         return None
     with geometry_of(workspace, options) as geometry:
         references, definitions, slicings = _used_parts(workspace, geometry, options, report)
-        made = create_lock(geometry, references, definitions, slicings)
+        lock = create_lock(geometry, references, definitions, slicings)
     labels = {definition.text: definition.label for definition in definitions}
-    for failure in made.failures:
+    for failure in lock.failures:
         report.say(unreadable(labels.get(failure.subject, failure.subject), "locked", failure))
     if report.failed:
         return None
-    text = lock_text(made.values)
+    text = lock_text(lock.values)
     path = lock_path(workspace)
-    shown = shown_path(path)
-    count = len(made.values["things"]) + len(made.values["files"])
+    display_path = shown_path(path)
+    count = len(lock.values["things"]) + len(lock.values["files"])
     if not check:
         if len(text.encode()) > MAX_BYTES:
             report.add(Code.TOO_LARGE, f"`{LOCK_FILE}` would have more than {MAX_BYTES} bytes", None, help="split the workspace")
             return None
         write_whole(path, text.encode())
-        return f"{shown}: {format_count(count, 'part')}"
+        return f"{display_path}: {format_count(count, 'part')}"
     if not os.path.lexists(path):
         report.add(Code.NO_LOCK, f"there is no `{LOCK_FILE}` in the workspace folder", workspace.origin, help=REMAKE)
         return None
     if read_lock(workspace, report) is None:
         return None
     with open(path, encoding="utf-8") as stream:
-        held = stream.read()
-    lines = held.split("\n")
-    for key, words in differences(json.loads(held), made.values):
+        current = stream.read()
+    lines = current.split("\n")
+    for key, words in differences(json.loads(current), lock.values):
         report.add(Code.LOCK_STALE, f"`{LOCK_FILE}` is out of date: {words}", _line(path, lines, key), help="run `thingc lock`")
-    return None if report.failed else f"{shown}: current"
+    return None if report.failed else f"{display_path}: current"
 
 
 def _used_parts(
@@ -107,16 +107,16 @@ def _used_parts(
     for document in documents_in(workspace.root, workspace):
         environment = Environment(document, options, lambda *_: geometry)
         sources = read(environment, kinds=("assembly", "materials", "variants", "calibration"), modelling=True)
-        own = Report()
+        report_of_document = Report()
         if sources is not None and sources.documents.root.kind == "assembly":
-            model = resolve(sources, Settings(), own)
+            model = resolve(sources, Settings(), report_of_document)
             references.update(dict.fromkeys(sources.schemas))
             if model is not None:
                 used = {definition.text: definition for definition in part_definitions(model)}
                 definitions = {**used, **definitions}
                 for text, ways in slicings_of(model, geometry.realize(list(used.values()))).items():
                     slicings.setdefault(text, set()).update(ways)
-        if environment.report.failed or own.failed:
+        if environment.report.failed or report_of_document.failed:
             message = f"`{shown_path(document)}` has errors: some of its parts may be missing from `{LOCK_FILE}`"
             report.warn(Code.LOCK_DOCUMENT, message, line_of(document), help=f"run `thingc check {shown_path(document)}`")
     # missing parts have already been reported as errors in a document

@@ -32,9 +32,9 @@ def run(arguments: argparse.Namespace) -> int:
     if not os.path.isdir(arguments.workspace):
         raise console.WrongCommandLine(f"`{arguments.workspace}` is not a folder", "use the folder of a workspace")
     console.options_of(arguments)  # report invalid options now
-    given = {"--store": arguments.store, "--jobs": arguments.jobs, "--part-timeout": arguments.part_timeout}
+    options = {"--store": arguments.store, "--jobs": arguments.jobs, "--part-timeout": arguments.part_timeout}
     os.chdir(arguments.workspace)
     from thingc.tools.mcp.server import serve
 
-    serve(trusted=arguments.trusted, options=[f"{option}={value}" for option, value in given.items() if value])
+    serve(trusted=arguments.trusted, options=[f"{option}={value}" for option, value in options.items() if value])
     return 0

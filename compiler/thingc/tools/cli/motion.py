@@ -68,7 +68,7 @@ def _replay(
         if arguments.csv is None:
             replay.show()
             return ()
-        times, tracked, wanted = replay.track()
+        times, tracked, commanded = replay.track()
     except Diverged as fault:
         joint = fault.joint
         where = motions[name].origin if joint is None else (joint.actuator or joint).origin
@@ -76,13 +76,13 @@ def _replay(
         help = "lower `kp` or `kv` of the drives, set `armature`, or use a smaller `timestep`"
         compilation.report.add(Code.CHATTER, message, where, help=help)
         return ()
-    written = [number for number, joint in enumerate(replay.joints) if joint.mimic is None]  # the other joints follow them
-    units = [(math.degrees(1.0), "deg") if replay.joints[number].twist.turns else (1e3, "mm") for number in written]
-    header = ",".join(["time [s]", *(f"{replay.joints[number].name} [{unit}]" for number, (_, unit) in zip(written, units, strict=True))])
-    table = np.column_stack([times, tracked[:, written] * [scale for scale, _ in units]])
+    free = [number for number, joint in enumerate(replay.joints) if joint.mimic is None]  # the other joints follow them
+    units = [(math.degrees(1.0), "deg") if replay.joints[number].twist.turns else (1e3, "mm") for number in free]
+    header = ",".join(["time [s]", *(f"{replay.joints[number].name} [{unit}]" for number, (_, unit) in zip(free, units, strict=True))])
+    table = np.column_stack([times, tracked[:, free] * [scale for scale, _ in units]])
     try:
         np.savetxt(arguments.csv, table, fmt="%.9g", delimiter=",", header=header, comments="")
     except OSError as fault:
         raise console.WrongCommandLine(f"cannot write `{arguments.csv}`: {fault.strerror}", "choose another file with --csv") from fault
-    off = abs(tracked - wanted)
+    off = abs(tracked - commanded)
     return [*zip(replay.joints, off.max(axis=0).tolist(), times[off.argmax(axis=0)].tolist(), strict=True)]

@@ -57,16 +57,16 @@ def robot_name(place: str) -> str:
 
     Hyphens, dots and spaces are replaced by `_`, and accents are removed.
     """
-    here = place != "" and os.path.normpath(place) == os.curdir
-    word = os.path.basename(os.getcwd() if here else os.path.normpath(place)) if place else ""
+    is_working_folder = place != "" and os.path.normpath(place) == os.curdir
+    word = os.path.basename(os.getcwd() if is_working_folder else os.path.normpath(place)) if place else ""
     if word in ("", os.pardir):
         raise console.WrongCommandLine(f"cannot create a folder `{place}`", "write, for example, `thingc new rover`")
     stem, ending = os.path.splitext(word)
-    if ending.lower() in DOCUMENT_SUFFIXES and not here:
+    if ending.lower() in DOCUMENT_SUFFIXES and not is_working_folder:
         near = shlex.quote(os.path.join(os.path.dirname(place), stem.removesuffix(".thingc")))
         message = f"expected a folder, found the name of a document `{word}`"
         raise console.WrongCommandLine(message, f"write `thingc new {near}`, which creates the document in it")
-    if word.startswith("-") and not here:
+    if word.startswith("-") and not is_working_folder:
         raise console.WrongCommandLine(f"`{word}` would be parsed as an option", "choose a name that starts with a letter")
     name = re.sub(r"[-. ]+", "_", _plain(word)).strip("_")
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
@@ -89,9 +89,9 @@ def _plain(word: str) -> str:
 def _next_steps(arguments: argparse.Namespace, folder: str, name: str) -> list[str]:
     """Describe the new files, and suggest commands that the user can run next."""
     here, document = shown_path(folder), f"{name}.yaml"
-    said = [f"{name if here == os.curdir else here}: {TEMPLATES[arguments.template]}"]
+    lines = [f"{name if here == os.curdir else here}: {TEMPLATES[arguments.template]}"]
     if name != os.path.basename(folder):
-        said.append(f"the name of the robot is `{name}`: names consist of letters, digits and `_`")
+        lines.append(f"the name of the robot is `{name}`: names consist of letters, digits and `_`")
     steps = [
         *([] if here == os.curdir else [(f"cd {shlex.quote(here)}", "")]),
         (f"thingc check {document}", "report errors and warnings"),
@@ -108,4 +108,4 @@ def _next_steps(arguments: argparse.Namespace, folder: str, name: str) -> list[s
             mode = re.search(r"^modes:\n  (\w+):", stream.read(), re.MULTILINE)
         scene = f"build/{name}/mjcf/scene_{mode[1] if mode else 'default'}.xml"
         steps.insert(-2, (f"python -m mujoco.viewer --mjcf={scene}", "simulate it"))
-    return [*said, "", *(f"  {command:{width}}   {what}".rstrip() for command, what in steps)]
+    return [*lines, "", *(f"  {command:{width}}   {what}".rstrip() for command, what in steps)]

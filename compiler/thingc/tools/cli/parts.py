@@ -109,8 +109,8 @@ def _describe_parts(
             report.diagnostics.append(unreadable(reference, "read", answer))
     definitions = {schema.reference: schema.default for schema in schemas}
     records = geometry.realize([definition for definition in definitions.values() if definition is not None])
-    made = {reference: record for reference, record in records.items() if isinstance(record, PartRecord) and record.exact}
-    return [(schema, made.get(schema.reference)) for schema in schemas]
+    built = {reference: record for reference, record in records.items() if isinstance(record, PartRecord) and record.exact}
+    return [(schema, built.get(schema.reference)) for schema in schemas]
 
 
 def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:

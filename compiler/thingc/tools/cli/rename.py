@@ -45,19 +45,19 @@ def run(arguments: argparse.Namespace) -> int:
     sight = index_workspace(workspace, {}, disk=cache(on_disk))  # read each file only once
     declared = _find_name(sight, arguments.document, arguments.path)
     try:
-        done = rename_edits(sight, declared, arguments.name)
+        result = rename_edits(sight, declared, arguments.name)
     except RenameRefused as fault:
         raise console.WrongCommandLine(str(fault)) from fault
-    before = {file: sight.read(file) or "" for file in done.texts}
-    for file, text in done.texts.items():
+    old = {file: sight.read(file) or "" for file in result.texts}
+    for file, text in result.texts.items():
         if arguments.diff:
-            console.say_diff(shown_path(file), before[file], text)
+            console.say_diff(shown_path(file), old[file], text)
     if not arguments.diff:
-        marks = {file: mark if beginning(file, 3) == (mark := b"\xef\xbb\xbf") else b"" for file in before}
+        marks = {file: mark if beginning(file, 3) == (mark := b"\xef\xbb\xbf") else b"" for file in old}
         with signals.delay_signals():
-            replace_files({file: (marks[file] + before[file].encode(), marks[file] + text.encode()) for file, text in done.texts.items()})
-        for file in done.texts:
-            count = sum(span.file == file for span in done.places)
+            replace_files({file: (marks[file] + old[file].encode(), marks[file] + text.encode()) for file, text in result.texts.items()})
+        for file in result.texts:
+            count = sum(span.file == file for span in result.places)
             console.say(f"{shown_path(file)}: {declared.text} -> {arguments.name} ({count})")
     return 0
 

@@ -144,11 +144,11 @@ def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) 
         return []
     from thingc.tools.cli import render_overlay
 
-    drawn = [
+    marks = [
         *(render_overlay.root(robot) if arguments.root else ()), *(render_overlay.joints(robot, q) if arguments.joints else ()),
         *(render_overlay.mounts(robot, q) if arguments.mounts else ()), *render_overlay.mounts_of(robot, q, arguments.mounts_of),
     ]
-    return list({(mark.label, mark.body, mark.pose, mark.ink): mark for mark in drawn}.values())
+    return list({(mark.label, mark.body, mark.pose, mark.ink): mark for mark in marks}.values())
 
 
 def _pose(robot: Robot, wanted: str | None, document: str) -> str | None:

@@ -58,10 +58,10 @@ def import_request(arguments: argparse.Namespace) -> ImportRequest:
 
 def _repair(text: str) -> str:
     """Parse the value of the option `--repair`. This function is an argparse type."""
-    what, _, how = text.partition("=")
-    if what != "inertia" or how not in ("nearest", "shapes"):
+    target, _, method = text.partition("=")
+    if target != "inertia" or method not in ("nearest", "shapes"):
         raise argparse.ArgumentTypeError(f"expected `inertia=nearest` or `inertia=shapes`, found `{text}`")
-    return how
+    return method
 
 
 def _package(word: str) -> tuple[str, str]:

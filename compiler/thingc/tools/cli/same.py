@@ -45,11 +45,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc same`, and return the exit code: 0 if all compared robots are the same, otherwise 1."""
     options = console.options_of(arguments)
     results: list[tuple[str, MechanismComparison]] = []
-    wanted = parse_sides(arguments.side, arguments.behind)
-    names = (wanted.old.name, wanted.new.name)
+    request = parse_sides(arguments.side, arguments.behind)
+    names = (request.old.name, request.new.name)
     try:
         with ExitStack() as stack:
-            for pair in laid_out(wanted, stack, code=options.code):
+            for pair in laid_out(request, stack, code=options.code):
                 both = mechanisms(pair, names, options, robot_files.import_request(arguments))
                 results.append((pair.name, compare_mechanisms(*both, arguments.tolerance)))
     except BrokenSide as broken:

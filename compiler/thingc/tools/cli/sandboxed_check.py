@@ -111,8 +111,8 @@ def _costly(in_time: bool, status: int, seconds: float, memory: int) -> Diagnost
         message = f"the check was stopped: it needs more than {memory // 1_000_000} MB of memory"
         help = "make the documents smaller"
     else:
-        how = f"by {signal.Signals(ended_by).name}" if ended_by is not None else f"with status {os.WEXITSTATUS(status)}"
-        message = f"the check ended early, {how}"
+        reason = f"by {signal.Signals(ended_by).name}" if ended_by is not None else f"with status {os.WEXITSTATUS(status)}"
+        message = f"the check ended early, {reason}"
         help = "treat the documents as hostile, and please report this"
     return console.error(message, help, Code.TOO_COSTLY)
 

@@ -75,10 +75,10 @@ def _write(workspace: Workspace, only: list[str] | None, no_model: bool, options
     with geometry_of(workspace, quiet, lock=lambda: read_lock(workspace, Report()), workers=workers) as geometry:
         outcome = Schemas(workspace, geometry).write(only)
     folder = shown_path(os.path.join(workspace.root, SCHEMAS))
-    same = len(outcome.documents) - len(outcome.written) - len(outcome.kept)
-    said = [f"{len(outcome.written)} written", f"{same} unchanged"]
-    said += [f"{len(outcome.removed)} removed"] if outcome.removed else []
-    console.say(f"{folder}: schemas of {format_count(len(outcome.documents), 'document')}: {', '.join(said)}")
+    unchanged = len(outcome.documents) - len(outcome.written) - len(outcome.kept)
+    parts = [f"{len(outcome.written)} written", f"{unchanged} unchanged"]
+    parts += [f"{len(outcome.removed)} removed"] if outcome.removed else []
+    console.say(f"{folder}: schemas of {format_count(len(outcome.documents), 'document')}: {', '.join(parts)}")
     for name in outcome.kept:
         document = shown_path(os.path.join(workspace.root, name))
         console.say(f"{document}: the document or one of its parts has a syntax error; the previous schema is unchanged")

@@ -65,14 +65,14 @@ def run(arguments: argparse.Namespace) -> int:
 
     console.require_document(arguments.document)
     options = console.options_of(arguments)
-    given = {**options.parameters, **options.choices}
+    settings = {**options.parameters, **options.choices}
     outputs = [".".join((ALIASES.get(first, first), *rest)) for first, *rest in (one.split(".") for one in arguments.of)]
     found: list[Sensitivity] = []
     try:
         with RobotFamily(arguments.document, mode=arguments.mode, options=replace(options, parameters={}, choices={})) as family:
-            report = Report(list(family.evaluate(given).problems))
+            report = Report(list(family.evaluate(settings).problems))
             if not report.failed:
-                found = family.sensitivity(outputs, arguments.by, at=given)
+                found = family.sensitivity(outputs, arguments.by, at=settings)
         report.diagnostics += {one.name: _problem(one, one.missing) for one in reversed(found) if one.missing is not None}.values()
     except CompileError as fault:
         report = Report(list(fault.diagnostics))

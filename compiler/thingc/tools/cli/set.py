@@ -49,14 +49,14 @@ def settings(words: Sequence[str]) -> dict[str, str]:
     return console.paths(words, "PATH=VALUE", "'joints.elbow.limit.upper=90 deg'", "`{}` is set twice", parameter_name)
 
 
-def write(document: str, given: Mapping[str, str], options: Options, arguments: argparse.Namespace, *, diff: bool = False) -> int:
+def write(document: str, values: Mapping[str, str], options: Options, arguments: argparse.Namespace, *, diff: bool = False) -> int:
     """Write new values to a document, unless the changed document has errors. Return the exit code.
 
-    `given` maps paths or names of parameters to values as strings. `arguments` must have the attributes `format` and `debug`, and can have
+    `values` maps paths or names of parameters to values as strings. `arguments` must have the attributes `format` and `debug`, and can have
     the attribute `strict`.
     """
-    typed = {parameter_name(path): f"{path}={text}" for path, text in given.items()}
-    outcome = write_values(document, given, options, strict=getattr(arguments, "strict", False), dry=diff)
+    typed = {parameter_name(path): f"{path}={text}" for path, text in values.items()}
+    outcome = write_values(document, values, options, strict=getattr(arguments, "strict", False), dry=diff)
     return report_edit(replace(outcome, found=tuple(_as_typed(one, typed) for one in outcome.found)), arguments, diff=diff)
 
 

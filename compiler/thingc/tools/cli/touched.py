@@ -44,13 +44,13 @@ def run(arguments: argparse.Namespace) -> int:
         paths = changed_robots(_changed_paths(arguments.files, arguments.since))
     else:
         paths = documents(arguments.files, arguments.since, everything=arguments.all, roots=arguments.roots, store=arguments.store)
-    shown = [shown_path(path) for path in paths]
+    paths_to_print = [shown_path(path) for path in paths]
     if arguments.format == "json":
-        console.print_json([], documents=shown)
+        console.print_json([], documents=paths_to_print)
     elif arguments.null:
-        console.write_raw(b"".join(os.fsencode(path) + b"\0" for path in shown))
+        console.write_raw(b"".join(os.fsencode(path) + b"\0" for path in paths_to_print))
     else:
-        console.say(*shown)
+        console.say(*paths_to_print)
     return 0
 
 

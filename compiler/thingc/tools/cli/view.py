@@ -85,12 +85,12 @@ def run(arguments: argparse.Namespace) -> int:
 
         return view_robot_file(arguments, options, _server(arguments))
     console.require_document(arguments.document)
-    before, beside, turn = None, False, threading.Lock()
+    before, has_second, turn = None, False, threading.Lock()
     plain = replace(options, parameters={}, choices={})
     if arguments.against is not None:
         console.require_document(arguments.against)
-        beside = not os.path.samefile(arguments.against, arguments.document)
-        if not beside:
+        has_second = not os.path.samefile(arguments.against, arguments.document)
+        if not has_second:
             before, diagnostics = with_environment(arguments.against, plain, _page)
             if before is None:
                 return console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
@@ -109,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
         if made.number == 1 and not hopeless(made):
             console.show_page(server.address, browser=not arguments.no_open)
 
-    with server, _overlay(arguments, plain, turn, server) if beside else nullcontext():
+    with server, _overlay(arguments, plain, turn, server) if has_second else nullcontext():
         return until_interrupted(live, hear)
 
 
@@ -199,9 +199,9 @@ def _open_build(arguments: argparse.Namespace) -> int:
     if not pages:
         message = f"the build `{shown_path(str(folder))}` has no HTML page"
         raise console.WrongCommandLine(message, "build it with `--emit html`, or view its document", Code.NO_DOCUMENT)
-    given = [name for key, name in OF_DOCUMENTS.items() if getattr(arguments, key) not in ([], 0, None, False, EDITOR)]
-    if given:
-        message = f"{given[0]} applies to documents, but `{shown_path(str(folder))}` is a build"
+    unsupported = [name for key, name in OF_DOCUMENTS.items() if getattr(arguments, key) not in ([], 0, None, False, EDITOR)]
+    if unsupported:
+        message = f"{unsupported[0]} applies to documents, but `{shown_path(str(folder))}` is a build"
         raise console.WrongCommandLine(message, "view its document, or omit the option")
     for page in pages:
         console.say(shown_path(str(page)))

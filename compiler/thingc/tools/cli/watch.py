@@ -141,12 +141,12 @@ def _outcome(made: Rebuild) -> str:
     if made.built is None or not made.good:
         return f"not built ({made.seconds:.2f} s); {'the last successful build remains' if made.kept else 'no successful build yet'}"
     modelled = sorted(made.modelled.values())
-    said = ["errors fixed"] if made.recovered else []
-    said += [f"modelled {_enumerate(modelled)}"] if modelled else []
+    phrases = ["errors fixed"] if made.recovered else []
+    phrases += [f"modelled {_enumerate(modelled)}"] if modelled else []
     if made.folder is not None:
         changed = f"{format_count(len(made.changed), 'file')} changed ({_enumerate(made.changed)})"
-        said.append(changed if made.changed else "no file changed")
-    return f"{'; '.join(said) or 'compiled'} in {made.seconds:.2f} s"
+        phrases.append(changed if made.changed else "no file changed")
+    return f"{'; '.join(phrases) or 'compiled'} in {made.seconds:.2f} s"
 
 
 def _enumerate(names: Sequence[str]) -> str:

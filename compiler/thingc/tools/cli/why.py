@@ -103,16 +103,16 @@ def _alike(losses: Iterable[Loss]) -> Iterable[list[Loss]]:
     return groups.values()
 
 
-def _in_words(alike: Sequence[Loss]) -> str:
+def _in_words(losses: Sequence[Loss]) -> str:
     """Format a group of export losses as one line, with the source location of the first loss.
 
     Numbers that differ between the losses are replaced by `...`.
     """
-    first = alike[0]
+    first = losses[0]
     place = f"{shown_path(first.span.file)}:{first.span.line}: " if first.span is not None else ""
     of_modes = first.mode == first.path
     where = "" if of_modes or first.mode is None else f" in {first.mode}"
-    what = first.what if len({loss.what for loss in alike}) == 1 else _NUMBER.sub("...", first.what)
-    paths = ", ".join(dict.fromkeys(loss.path for loss in alike))
-    of = f"{'mode' if len(alike) == 1 else 'modes'} {paths}" if of_modes else paths
-    return f"{place}{first.target}{where}: {of}: {what}: {first.how}"
+    text = first.what if len({loss.what for loss in losses}) == 1 else _NUMBER.sub("...", first.what)
+    paths = ", ".join(dict.fromkeys(loss.path for loss in losses))
+    of = f"{'mode' if len(losses) == 1 else 'modes'} {paths}" if of_modes else paths
+    return f"{place}{first.target}{where}: {of}: {text}: {first.how}"

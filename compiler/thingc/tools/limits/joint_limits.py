@@ -200,10 +200,10 @@ class LimitSearch:
         q = self._frame.q[joint.path]
         sweep, pairs = self._collisions.moving_pairs(self._robot, self._frame, [_range(joint, q)], 0.0)
         free, skipped = free_intervals(sweep, pairs, width), self._skipped_names(sweep)
-        own = free.around(q, width)
-        lower, upper = (self._names(free.contact(end, width)) for end in (own or (q, q)))
+        interval = free.around(q, width)
+        lower, upper = (self._names(free.contact(end, width)) for end in (interval or (q, q)))
         return JointLimits(
-            joint=joint, intervals=free.intervals, own=own, contacts=(lower, upper), proved=free.proved and not skipped, width=width,
+            joint=joint, intervals=free.intervals, own=interval, contacts=(lower, upper), proved=free.proved and not skipped, width=width,
             skipped=skipped,
         )
 

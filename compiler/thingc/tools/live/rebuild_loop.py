@@ -156,7 +156,7 @@ class RebuildLoop:
         began = time.monotonic()
         while True:
             absent = any((_time_and_size(path) or (0.0, 0))[1] == 0 for path in saved) and time.monotonic() - began < ABSENT
-            if not absent and (unquiet := _unquiet(saved)) == 0.0:
+            if not absent and (unquiet := _time_until_quiet(saved)) == 0.0:
                 return saved
             time.sleep(0.01 if absent else unquiet)
             saved = tuple(dict.fromkeys((*saved, *self._watched.take_changes())))
@@ -176,43 +176,43 @@ class RebuildLoop:
         if self._failed or self._geometry is not None and not self._geometry.inputs.isdisjoint(saved):
             self._geometry = None
         self.environment = Environment(self.document, self.options, self._take_service, self._memo)
-        said: Sequence[Diagnostic]
+        diagnostics: Sequence[Diagnostic]
         more: tuple[str, ...] = ()
         try:
             wish = self._wish()
             if isinstance(wish, BuildRequest):
                 built = self._build(wish)
-                said = built.diagnostics
+                diagnostics = built.diagnostics
             else:
-                said = wish
-            time.sleep(_unquiet(saved))
+                diagnostics = wish
+            time.sleep(_time_until_quiet(saved))
             more = self._look(clock, built) or self._abandoned
             if not more and built is not None and built.files is not None and isinstance(wish, BuildRequest):
                 folder = build_document.write(self.environment, built, wish, self._on_wait) if self._writes else None
                 good = True
         except Exception as fault:  # the next save may fix the error
-            said = [self._refused(fault)]
+            diagnostics = [self._refused(fault)]
             more = self._look(clock, built) or self._abandoned
         self._modelled |= _built_parts(built)
         if more:
             return Rebuild(number=self._number, saved=saved, seconds=0.0, diagnostics=()), more
         now = _digests(built.files) if good and built is not None and built.files is not None else None
-        before = self._last if self._last is not None and now is not None else now
-        changed = () if now is None or before is None else tuple(sorted(
-            path for path in {*before, *now} if before.get(path) != now.get(path)
+        previous = self._last if self._last is not None and now is not None else now
+        changed = () if now is None or previous is None else tuple(sorted(
+            path for path in {*previous, *now} if previous.get(path) != now.get(path)
         ))
         self._number += 1
-        made = Rebuild(
-            number=self._number, saved=saved, seconds=time.perf_counter() - started, diagnostics=tuple(said), good=good, built=built,
+        rebuild = Rebuild(
+            number=self._number, saved=saved, seconds=time.perf_counter() - started, diagnostics=tuple(diagnostics), good=good, built=built,
             folder=folder, changed=changed, recovered=self._failed and good, kept=not good and self._last is not None,
             modelled=self._modelled, kernel=self._workers.busy(begun),
         )
         self._failed, self._last = not good, now if now is not None else self._last
-        return made, ()
+        return rebuild, ()
 
     def _build(self, wish: BuildRequest) -> BuildResult:
         assert self.environment is not None
-        with self._abandoning():
+        with self._ending_late_workers():
             try:
                 return build_document.build(self.environment, wish)
             except BlobMissing:  # the store is damaged: retry without caches
@@ -225,18 +225,18 @@ class RebuildLoop:
                     self._last_geometry = self._geometry
 
     @contextlib.contextmanager
-    def _abandoning(self) -> Iterator[None]:
+    def _ending_late_workers(self) -> Iterator[None]:
         """A context manager that ends the worker processes if a watched file is saved after the time `IMPATIENT`.
 
         The paths of the saved files are stored in `_abandoned`. Without this method, a part that takes too long would block the next round.
         """
-        before = {path: stat_of(path) for path in self._watched.paths}
-        done = threading.Event()
+        stats = {path: stat_of(path) for path in self._watched.paths}
+        finished = threading.Event()
 
         def look() -> None:
             pause = IMPATIENT
-            while not done.wait(pause):
-                self._abandoned = tuple(path for path, stat in before.items() if stat_of(path) != stat)
+            while not finished.wait(pause):
+                self._abandoned = tuple(path for path, stat in stats.items() if stat_of(path) != stat)
                 if self._abandoned:
                     self._workers.end()
                     return
@@ -247,7 +247,7 @@ class RebuildLoop:
         try:
             yield
         finally:
-            done.set()
+            finished.set()
             looking.join()
             if self._abandoned:
                 self._workers, self._geometry = self._fresh_workers(), None
@@ -269,15 +269,15 @@ class RebuildLoop:
         nothing = pipeline.Compilation(settings=pipeline.settings_of(self.options), report=Report())
         compilation = built.compilation if built is not None else nothing
         paths = up_to_date.looked_at(self.environment, compilation)
-        fresh = paths - self._watched.paths
+        new_paths = paths - self._watched.paths
         if compilation.documents is not None:
             self._documents = frozenset(document.path for document in compilation.documents.by_path.values())
         if built is not None and built.files is not None:
             self._watched.only(paths)
         else:
             self._watched.note(paths)
-        late = [path for path in fresh if (state := _time_and_size(path)) is not None and state[0] > clock - CLOCK]
-        return tuple(dict.fromkeys((*late, *self._watched.take_changes())))
+        saved_later = [path for path in new_paths if (state := _time_and_size(path)) is not None and state[0] > clock - CLOCK]
+        return tuple(dict.fromkeys((*saved_later, *self._watched.take_changes())))
 
 
 def _built_parts(built: BuildResult | None) -> dict[str, str]:
@@ -289,10 +289,10 @@ def _built_parts(built: BuildResult | None) -> dict[str, str]:
     return {text: labels.get(text, text) for text in texts}
 
 
-def _unquiet(saved: Sequence[str]) -> float:
+def _time_until_quiet(saved: Sequence[str]) -> float:
     """Return the time [s] after which the saved files will have been unchanged for `QUIET`. File times in the future are ignored."""
-    since = time.time() - max((stat[0] for path in saved if (stat := _time_and_size(path)) is not None), default=0.0)
-    return QUIET - since if 0.0 <= since < QUIET else 0.0
+    elapsed = time.time() - max((stat[0] for path in saved if (stat := _time_and_size(path)) is not None), default=0.0)
+    return QUIET - elapsed if 0.0 <= elapsed < QUIET else 0.0
 
 
 def _time_and_size(path: str) -> tuple[float, int] | None:

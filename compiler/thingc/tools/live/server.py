@@ -162,8 +162,8 @@ class Server:
 
     def inside(self, path: str) -> str | None:
         """Return the path of an HTTP request without the secret token. Return None if the token is wrong."""
-        word, slash, rest = path.partition("?")[0].removeprefix("/").partition("/")
-        return rest if slash and hmac.compare_digest(word.encode(), self._token.encode()) else None
+        token, slash, remainder = path.partition("?")[0].removeprefix("/").partition("/")
+        return remainder if slash and hmac.compare_digest(token.encode(), self._token.encode()) else None
 
     def content(self, name: str) -> tuple[str, bytes] | None:
         """Return the content type and the content of the resource with this name. Return None if the resource does not exist."""
@@ -172,8 +172,8 @@ class Server:
             stand = f"{self._run} {self._own.count} {self._other.count}"
         if name == "":
             return HTML, waiting(self._name, self._editor) if page is None else page.html(live=stand, editor=self._editor, against=other)
-        asked = {"robot.json": page, "against.json": other}.get(name)
-        return (JSON, asked.news()) if asked is not None else None
+        source = {"robot.json": page, "against.json": other}.get(name)
+        return (JSON, source.news()) if source is not None else None
 
     def news(self, after: int) -> tuple[int, str] | None:
         """Wait until the number of events is greater than `after`.
@@ -192,11 +192,11 @@ class Server:
         """
         own, other = self._own, self._other
         findings = [*own.findings, *(one for one in other.findings if one not in own.findings)]
-        told = {
+        state = {
             "run": self._run, "build": own.count, "against": other.count, "seconds": self._seconds, "kernel": self._kernel,
             "findings": findings,
         }
-        return json_text(json.dumps(told, ensure_ascii=False))
+        return json_text(json.dumps(state, ensure_ascii=False))
 
 
 def findings_of(diagnostics: Sequence[Diagnostic], workspace: Workspace | None) -> list[dict[str, object]]:
@@ -290,8 +290,8 @@ class _Handler(BaseHTTPRequestHandler):
                 self.wfile.write(b"retry: 1000\n\n")
                 self.wfile.flush()
             while body and (latest := self.served.news(seen)) is not None:
-                number, told = latest
-                self.wfile.write(f"data: {told}\n\n".encode() if number > seen else b": nothing new\n\n")
+                number, text = latest
+                self.wfile.write(f"data: {text}\n\n".encode() if number > seen else b": nothing new\n\n")
                 self.wfile.flush()
                 seen = number
         except OSError:  # the browser has closed the connection

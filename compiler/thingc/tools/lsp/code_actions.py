@@ -46,8 +46,8 @@ def _start(lines: TextLines, number: int) -> int:
 
 def format_text(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """Return the edits that format a document, or None if the text is not a well-formed document."""
-    after = format_document(analysis.path, text.encode(errors="surrogatepass"), Report()) if analysis.documents is not None else None
-    return None if after is None else edits(analysis.lines(), after.decode())
+    formatted = format_document(analysis.path, text.encode(errors="surrogatepass"), Report()) if analysis.documents is not None else None
+    return None if formatted is None else edits(analysis.lines(), formatted.decode())
 
 
 _SEVERITY: Mapping[Severity, int] = {Severity.ERROR: 1, Severity.WARNING: 2, Severity.NOTE: 3}
@@ -64,11 +64,11 @@ def by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
 
 
 def _by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
-    said: dict[str, list[dict[str, Any]]] = {analysis.path: []}
+    edits_by_file: dict[str, list[dict[str, Any]]] = {analysis.path: []}
     for one in analysis.findings:
         span = one.span if one.span is not None and (one.span.file in analysis.open or os.path.isfile(one.span.file)) else None
-        said.setdefault(analysis.path if span is None else span.file, []).append(as_protocol(one, span, analysis))
-    return said
+        edits_by_file.setdefault(analysis.path if span is None else span.file, []).append(as_protocol(one, span, analysis))
+    return edits_by_file
 
 
 def as_protocol(diagnostic: Diagnostic, span: Span | None, analysis: Analysis) -> dict[str, Any]:
@@ -97,8 +97,8 @@ KIND = "quickfix"
 
 def actions(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """Return the quick fixes for the diagnostics in a range of the text. The only possible fix for a diagnostic is marked as preferred."""
-    wanted = params["context"].get("only")
-    if wanted and not any(kind == KIND or KIND.startswith(f"{kind}.") or kind == "" for kind in wanted):
+    kinds = params["context"].get("only")
+    if kinds and not any(kind == KIND or KIND.startswith(f"{kind}.") or kind == "" for kind in kinds):
         return []
     start, end = (analysis.lines().place(params["range"][side]) for side in ("start", "end"))
     fitting = [
@@ -150,11 +150,11 @@ def _missing_component(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[d
         mounts.pop("origin", None)
         value = {"frame": "true", **({"mounts": {mount: {} for mount in mounts}} if mounts else {})}
     try:
-        after = set_values(document, {("components", name[1]): value})
+        new = set_values(document, {("components", name[1]): value})
     except CannotSetValue:
         return
-    what = f"`{part}`" if part is not None else "a frame"
-    yield _action(f"add the component `{name[1]}`, {what}", diagnostic, analysis, analysis.path, edits(lines, after.text), preferred=False)
+    kind = f"`{part}`" if part is not None else "a frame"
+    yield _action(f"add the component `{name[1]}`, {kind}", diagnostic, analysis, analysis.path, edits(lines, new.text), preferred=False)
 
 
 def _as_name(text: str) -> str:

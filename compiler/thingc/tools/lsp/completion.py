@@ -90,14 +90,14 @@ def items(analysis: Analysis, text: str, offset: int) -> list[CompletionItem]:
     schema = None if cursor is None or known.in_reach is None else known.in_reach.schema_of(known, cursor.scalars)
     if cursor is None or schema is None:
         return []
-    asked = _Asked(analysis, text, offset, cursor, SchemaWalk(schema, cursor.keys, cursor.scalars))
-    offered = list(asked.keys()) if cursor.role == "key" else []
+    request = _CompletionRequest(analysis, text, offset, cursor, SchemaWalk(schema, cursor.keys, cursor.scalars))
+    offered = list(request.keys()) if cursor.role == "key" else []
     if cursor.role == "value" or cursor.either:
-        offered += asked.values()
+        offered += request.values()
     return sorted(offered, key=lambda one: one.rank)
 
 
-class _Asked:
+class _CompletionRequest:
     """A request for completion, with the document, the position of the cursor, and the JSON Schema of the document."""
 
     def __init__(self, analysis: Analysis, text: str, offset: int, cursor: Cursor, walk: SchemaWalk) -> None:
@@ -289,16 +289,16 @@ class _Asked:
             return
         word = match["word"] or ""
         start = self.offset - len(word)
-        rest = re.match(r"\w*", self.text[self.offset : self.cursor.end])
-        end = self.offset + (rest.end() if rest is not None else 0)
+        typed_ahead = re.match(r"\w*", self.text[self.offset : self.cursor.end])
+        end = self.offset + (typed_ahead.end() if typed_ahead is not None else 0)
         offer = partial(CompletionItem, start=start, end=end)
         if match["number"] is not None:
             yield from _units(start, end, tuple(dict.fromkeys(_DIMENSIONS.values())), close=not match["number"].endswith((" ", "\t")))
             return
-        wanted = self._dimensions()
+        expected = self._dimensions()
         low, high = bounds_of(self.analysis, self.cursor)
         for name, value in self._parameters():
-            fitting = (not wanted or any(fits(value.dimension, one) for one in wanted)) and low <= value.value <= high
+            fitting = (not expected or any(fits(value.dimension, one) for one in expected)) and low <= value.value <= high
             yield offer(
                 shown=name, text=name, kind=_VARIABLE, rank=0 if fitting else 100, detail=value.format(6),
                 description=self.cursor.scalars.get(("parameters", name, "doc"), ""),
@@ -306,8 +306,8 @@ class _Asked:
         if "repeat" in self.cursor.keys.get(self.cursor.path[:2], ()):
             index = self.cursor.scalars.get((*self.cursor.path[:2], "repeat", "as"), "i")
             yield offer(shown=index, text=index, kind=_VARIABLE, rank=10, detail="the index of this `repeat`")
-        for name, (least, most) in FUNCTIONS.items():
-            several = f"{least} to {most} values" if most > least else f"{least} value" + ("s" if least > 1 else "")
+        for name, (smallest, largest) in FUNCTIONS.items():
+            several = f"{smallest} to {largest} values" if largest > smallest else f"{smallest} value" + ("s" if smallest > 1 else "")
             yield offer(shown=name, text=f"{name}(", kind=_FUNCTION, rank=200, detail=several)
         for name, quantity in CONSTANTS.items():
             yield offer(shown=name, text=name, kind=_CONSTANT, rank=201, detail=quantity.format(6))
@@ -320,13 +320,13 @@ class _Asked:
 
     # --- text ---------------------------------------------------------------------------------------------------------
 
-    def _item(self, shown: str, text: str, kind: int, *, rank: int, detail: str = "", description: str = "") -> CompletionItem:
+    def _item(self, label: str, text: str, kind: int, *, rank: int, detail: str = "", description: str = "") -> CompletionItem:
         start = self.cursor.start
-        before = self.text[start - 1 : start]
-        if self.cursor.role == "value" and not self.cursor.typed and not self.cursor.quote and before == ":":
+        preceding = self.text[start - 1 : start]
+        if self.cursor.role == "value" and not self.cursor.typed and not self.cursor.quote and preceding == ":":
             text = f" {text}"
         return CompletionItem(
-            shown=shown, text=text, start=start, end=self.cursor.end, kind=kind, rank=rank, detail=detail, description=description,
+            shown=label, text=text, start=start, end=self.cursor.end, kind=kind, rank=rank, detail=detail, description=description,
         )
 
     def _quote(self, word: str) -> str:

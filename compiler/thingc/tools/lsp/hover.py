@@ -35,10 +35,10 @@ def hover(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, 
     cursor = cursor_at(text, lines.index(place), toml=analysis.path.lower().endswith(".toml"))
     if cursor is None or cursor.start == cursor.end:
         return None
-    said = words_at(analysis, cursor, text[cursor.start : cursor.end])
-    if not said:
+    text_of_value = words_at(analysis, cursor, text[cursor.start : cursor.end])
+    if not text_of_value:
         return None
-    return {"contents": {"kind": "markdown", "value": said}, "range": lines.range_of(cursor.start, cursor.end)}
+    return {"contents": {"kind": "markdown", "value": text_of_value}, "range": lines.range_of(cursor.start, cursor.end)}
 
 
 def words_at(analysis: Analysis, cursor: Cursor, written: str) -> str:
@@ -105,10 +105,10 @@ def _of_parameter(analysis: Analysis, name: str) -> str:
     if parameter is None:
         return ""
     node = None if analysis.tree is None else node_at(analysis.tree, ("parameters", name))
-    own = {key: str(one.plain()) for key, one in entries_of(node).items()}
-    bounds = [f"at {word} `{own[key]}`" for key, word in (("min", "least"), ("max", "most")) if key in own]
-    said = [own["doc"]] if "doc" in own else []
-    return "; ".join((f"**{name}** = {format_values((parameter,))}", *bounds, *said))
+    entries = {key: str(one.plain()) for key, one in entries_of(node).items()}
+    bounds = [f"at {word} `{entries[key]}`" for key, word in (("min", "least"), ("max", "most")) if key in entries]
+    lines = [entries["doc"]] if "doc" in entries else []
+    return "; ".join((f"**{name}** = {format_values((parameter,))}", *bounds, *lines))
 
 
 # --- components and mounts ---------------------------------------------------------------------------------------------
@@ -117,11 +117,11 @@ def _of_parameter(analysis: Analysis, name: str) -> str:
 def _of_component(analysis: Analysis, name: str) -> str:
     """Return a hover text for a component: the kind, the mass and the pose."""
     facts = analysis.facts
-    piece = next((one for one in facts.pieces if name == one.name or name in one.items), None)
-    what = piece.what if piece is not None else facts.components.get(name, "")
-    if not what:
+    piece = next((piece_or_none for piece_or_none in facts.pieces if name == piece_or_none.name or name in piece_or_none.items), None)
+    description = piece.what if piece is not None else facts.components.get(name, "")
+    if not description:
         return ""
-    lines = [f"**{name}**: {what}"]
+    lines = [f"**{name}**: {description}"]
     items = piece.items if piece is not None else (name,)
     if len(items) > 1 and name not in items:
         lines.append(f"{len(items)} copies, `{items[0]}` to `{items[-1]}`.")

@@ -86,13 +86,13 @@ def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
     named = _find_name(analysis, place, near=not analysis.path.endswith(".py"))
     if named is None:
         return []
-    names, here = named
-    if here.name.what == "document":
-        return names.locations([line_of(here.name.file)])
-    places = names.sight.index.by_name[here.name]
-    if here.role == "declared" and here.span.file.endswith(".py"):
+    names, name = named
+    if name.name.what == "document":
+        return names.locations([line_of(name.name.file)])
+    places = names.sight.index.by_name[name.name]
+    if name.role == "declared" and name.span.file.endswith(".py"):
         return names.locations(one.span for one in places if not one.span.file.endswith(".py"))
-    declared = names.sight.index.find_declaration(here.name)
+    declared = names.sight.index.find_declaration(name.name)
     return names.locations([] if declared is None else [declared])
 
 
@@ -101,9 +101,9 @@ def references(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
     named = _find_name(analysis, place)
     if named is None:
         return []
-    names, here = named
+    names, name = named
     declared = params.get("context", {}).get("includeDeclaration", True)
-    return names.locations(one.span for one in names.sight.index.by_name[here.name] if declared or one.role != "declared")
+    return names.locations(one.span for one in names.sight.index.by_name[name.name] if declared or one.role != "declared")
 
 
 def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
@@ -111,10 +111,10 @@ def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
     named = _find_name(analysis, place, near=True)
     if named is None:
         return []
-    names, here = named
+    names, name = named
     kinds = {"declared": _WRITE, "used": _READ, "fits": _TEXT}
-    own = [one for one in names.sight.index.by_name[here.name] if one.span.file == analysis.path]
-    return [{"range": there, "kind": kinds[one.role]} for one in own if (there := names.range(one.span)) is not None]
+    uses = [one for one in names.sight.index.by_name[name.name] if one.span.file == analysis.path]
+    return [{"range": range_of_use, "kind": kinds[one.role]} for one in uses if (range_of_use := names.range(one.span)) is not None]
 
 
 def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
@@ -122,11 +122,11 @@ def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any)
     named = _find_name(analysis, place)
     if named is None:
         return None
-    names, here = named
-    renamable(names.sight, here.name)
-    if here.role == "fits":
-        raise RenameRefused(f"`{here.name.text}` only matches the pattern here: rename the element at its definition")
-    return {"range": names.range(here.span), "placeholder": here.name.text}
+    names, name = named
+    renamable(names.sight, name.name)
+    if name.role == "fits":
+        raise RenameRefused(f"`{name.name.text}` only matches the pattern here: rename the element at its definition")
+    return {"range": names.range(name.span), "placeholder": name.name.text}
 
 
 def rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
@@ -137,11 +137,11 @@ def rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     named = _find_name(analysis, place)
     if named is None:
         raise RenameRefused("there is no name at this position")
-    names, here = named
+    names, name = named
     prepare_rename(analysis, text, place, params)
-    done = rename_edits(names.sight, here.name, params["newName"])
+    result = rename_edits(names.sight, name.name, params["newName"])
     changes: dict[str, list[dict[str, Any]]] = {}
-    for span in done.places:
+    for span in result.places:
         changes.setdefault(span.file, []).append({"range": names.range(span), "newText": params["newName"]})
     versions = {path: one.version for path, one in analysis.open.items()}
     return {"documentChanges": [
@@ -151,10 +151,10 @@ def rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
 
 def workspace_symbols(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """Return the names in a workspace that match a query. A name matches if it contains the letters of the query in the same order."""
-    names, wanted = _names(analysis), params.get("query", "").lower()
+    names, query = _names(analysis), params.get("query", "").lower()
     symbols: list[dict[str, Any]] = []
     for one in names.sight.index.places if names is not None else ():
-        if one.role == "declared" and _has(one.name.text.lower(), wanted) and names is not None and len(symbols) < MAX_SYMBOLS:
+        if one.role == "declared" and _has(one.name.text.lower(), query) and names is not None and len(symbols) < MAX_SYMBOLS:
             located = names.locations([one.span])
             container = one.name.owner or os.path.basename(one.name.file)
             symbols += [
@@ -164,8 +164,8 @@ def workspace_symbols(analysis: Analysis, text: str, place: TextPlace, params: A
 
 
 def _has(text: str, letters: str) -> bool:
-    rest = iter(text)
-    return all(letter in rest for letter in letters)
+    remaining = iter(text)
+    return all(letter in remaining for letter in letters)
 
 
 TOKENS = ("parameter", "variable", "function", "number", "unit")
@@ -206,9 +206,9 @@ def folds(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """
     ends: dict[int, int] = {}
     for key, node in _inside(analysis.known.tree):
-        whole = analysis.now(_around(key, node))
-        if whole is not None and whole.end_line > whole.line:
-            ends[whole.line] = max(ends.get(whole.line, 0), whole.end_line)
+        span = analysis.now(_around(key, node))
+        if span is not None and span.end_line > span.line:
+            ends[span.line] = max(ends.get(span.line, 0), span.end_line)
     ranges: list[dict[str, Any]] = [{"startLine": line - 1, "endLine": end - 1} for line, end in sorted(ends.items())]
     return ranges + list(_comments(text))
 
@@ -230,13 +230,13 @@ def tokens(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     known = analysis.known
     if known.documents is None:
         return None
-    written = DocumentNames(known.documents.root)
-    parameters = written.section("parameters") if known.kind == "assembly" else {}
+    declared = DocumentNames(known.documents.root)
+    parameters = declared.section("parameters") if known.kind == "assembly" else {}
     coloured: list[tuple[int, int, int, int]] = []
-    for mention in written.mentions:
+    for mention in declared.mentions:
         if mention.names in (RefersTo("expression"), RefersTo("rule")):
             for start, end, kind in _words(mention.text, mention.names == RefersTo("rule"), parameters):
-                span = written.place(written.around(mention), mention.text, start, end)
+                span = declared.place(declared.around(mention), mention.text, start, end)
                 now = analysis.now(span) if span is not None else None
                 if now is not None:
                     there = analysis.lines().range(now)

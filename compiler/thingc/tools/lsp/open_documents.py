@@ -80,13 +80,13 @@ class OpenDocuments:
         """Store the text of a file that the user opened or changed in the editor."""
         with self._lock:
             self.texts, self.recent = {**self.texts, path: text}, path
-            self._note(path)
+            self._mark_outdated(path)
 
     def take_away(self, path: str) -> None:
         """Remove the text of a file that the user closed. Later analyses read the file from disk."""
         with self._lock:
-            self.texts = {one: text for one, text in self.texts.items() if one != path}
-            self._note(path)
+            self.texts = {other: text for other, text in self.texts.items() if other != path}
+            self._mark_outdated(path)
 
     def mark_saved(self, path: str) -> None:
         """Mark all analyses that depend on a file as outdated, because the file on disk has changed.
@@ -95,18 +95,18 @@ class OpenDocuments:
         """
         with self._lock:
             if path not in self.texts or not is_document_path(path):
-                for root in [root for root, one in self._at_hand.items() if path in one.inputs]:
+                for root in [root for root, parts in self._at_hand.items() if path in parts.inputs]:
                     del self._at_hand[root]  # the results of the workers are outdated
                     self._workers[root].renew()
-                self._note(path)
+                self._mark_outdated(path)
 
-    def _note(self, path: str) -> None:
+    def _mark_outdated(self, path: str) -> None:
         """Mark the analysis of a file, and all analyses that depend on this file, as outdated."""
         self._changes += 1
         self._outdated[path] = None
-        for one, analysis in self._analyses.items():
+        for dependent, analysis in self._analyses.items():
             if path in analysis.looked_at or analysis.kind == "variants":
-                self._outdated[one] = None
+                self._outdated[dependent] = None
 
     # --- analyses ------------------------------------------------------------------------------------------------
 
@@ -126,7 +126,7 @@ class OpenDocuments:
         try:
             if path in self.texts:
                 self.analysis(path)
-            self._say(path)
+            self._publish_changes(path)
         except Superseded:
             pass
         return True
@@ -156,7 +156,7 @@ class OpenDocuments:
         return analysis
 
     def _analyse(self, path: str, texts: Mapping[str, OpenText], memo: Memo, known: Analysis | None) -> Analysis:
-        if not self._ours(path, texts, known):
+        if not self._is_document(path, texts, known):
             return Analysis(path=path, open=texts)
         try:
             analysis = analyse(path, texts, self.options, self._lend(path) if self.options.code else None, memo, known)
@@ -167,15 +167,15 @@ class OpenDocuments:
             self._memos.pop(path, None)
             return Analysis(path=path, open=texts, findings=(self._refused(fault),), whole=False, last=known and known.known)
 
-    def _ours(self, path: str, texts: Mapping[str, OpenText], known: Analysis | None) -> bool:
+    def _is_document(self, path: str, texts: Mapping[str, OpenText], known: Analysis | None) -> bool:
         """Return whether a file is a document of thingc and not any other YAML file. A file to which a document refers is a document, too.
 
         A document remains a document while the user edits its first line.
         """
-        mine = texts.get(path)
+        opened = texts.get(path)
         return (
-            mine is None or os.path.basename(path) == OWN_FILE or known is not None and known.known.documents is not None
-            or has_header(mine.text[:HEAD].encode(errors="replace"), path)
+            opened is None or os.path.basename(path) == OWN_FILE or known is not None and known.known.documents is not None
+            or has_header(opened.text[:HEAD].encode(errors="replace"), path)
             or any(path in one.looked_at for one in self._analyses.values() if one.path != path)
         )
 
@@ -186,23 +186,23 @@ class OpenDocuments:
 
     # --- findings ------------------------------------------------------------------------------------------------
 
-    def _say(self, path: str) -> None:
+    def _publish_changes(self, path: str) -> None:
         """Send the diagnostics of a file, and changed diagnostics of all other files, to the editor."""
         with self._lock:
             analyses = [one for one in self._analyses.values() if one.path in self.texts]
-        said: dict[str, list[dict[str, Any]]] = {}
+        diagnostics_of: dict[str, list[dict[str, Any]]] = {}
         for analysis in analyses:
             for file, diagnostics in by_file(analysis).items():
-                of_file = said.setdefault(file, [])
+                of_file = diagnostics_of.setdefault(file, [])
                 if analysis.open.get(file) is self.texts.get(file):  # otherwise the diagnostics refer to an older text
                     of_file.extend(one for one in diagnostics if one not in of_file)
-        for file in dict.fromkeys((path, *said, *self._published)):
-            diagnostics = said.get(file, [])
+        for file in dict.fromkeys((path, *diagnostics_of, *self._published)):
+            diagnostics = diagnostics_of.get(file, [])
             if file == path or diagnostics != self._published.get(file, []):
                 text = self._analyses[file].open.get(file) if file in self._analyses else self.texts.get(file)
                 uri = text.uri if text is not None else Analysis(path=file).uri(file)
                 self._publish(uri, None if text is None else text.version, diagnostics)
-        self._published = {file: diagnostics for file, diagnostics in said.items() if diagnostics}
+        self._published = {file: diagnostics for file, diagnostics in diagnostics_of.items() if diagnostics}
 
     # --- parts ---------------------------------------------------------------------------------------------------
 
@@ -236,11 +236,11 @@ class OpenDocuments:
         """Send the requests for missing part schemas and part records to the background workers."""
         with self._lock:
             for root, workers in self._workers.items():
-                wanted = PendingRequests()
+                pending = PendingRequests()
                 for of_root, one in self._unanswered.values():
                     if of_root == root:
-                        wanted.add(one)
-                workers.want(wanted)
+                        pending.add(one)
+                workers.want(pending)
 
     def _store_failures(self, workspace: Workspace, undescribed: Mapping[str, PartFailure], failed: Mapping[str, PartFailure]) -> None:
         """Store the failures from background workers, and mark the analyses that lack results of these workers as outdated."""
@@ -249,8 +249,8 @@ class OpenDocuments:
             if at_hand is not None:
                 at_hand.undescribed.update(undescribed)
                 at_hand.failed.update(failed)
-            for path, (root, wanted) in self._unanswered.items():
-                if root == workspace.root and wanted:
+            for path, (root, pending) in self._unanswered.items():
+                if root == workspace.root and pending:
                     self._outdated[path] = None
         self._wake()
 

@@ -94,23 +94,23 @@ def serve(options: Options, version: str, refused: Callable[[Exception], Diagnos
     @server.feature(types.INITIALIZE)
     def initialize(params: types.InitializeParams) -> None:
         loop = asyncio.get_running_loop()
-        given = params.initialization_options
-        trusted = isinstance(given, dict) and given.get("trusted") is True
+        settings = params.initialization_options
+        trusted = isinstance(settings, dict) and settings.get("trusted") is True
 
         def publish(uri: str, version: int | None, diagnostics: list[dict[str, Any]]) -> None:
-            told = types.PublishDiagnosticsParams(
+            published = types.PublishDiagnosticsParams(
                 uri=uri, version=version, diagnostics=converter.structure(diagnostics, list[types.Diagnostic]),
             )
             with contextlib.suppress(RuntimeError):  # the server is stopping
-                loop.call_soon_threadsafe(server.text_document_publish_diagnostics, told)
+                loop.call_soon_threadsafe(server.text_document_publish_diagnostics, published)
 
         answering.begin(replace(options, lock=True, code=trusted), publish, refused)
 
     _notify(server, answering)
     for method, feature in FEATURES.items():
         options_type = get_method_options_type(method)
-        told = None if feature.options is None or options_type is None else converter.structure(feature.options, options_type)
-        server.feature(method, told)(_handler(answering, feature, converter.unstructure))
+        feature_options = None if feature.options is None or options_type is None else converter.structure(feature.options, options_type)
+        server.feature(method, feature_options)(_handler(answering, feature, converter.unstructure))
     try:
         server.start_io(stdin, stdout)
     finally:
@@ -145,7 +145,7 @@ def _notify(server: LanguageServer, answering: _Answering) -> None:
 
     @server.feature(types.WORKSPACE_DID_CHANGE_WATCHED_FILES)
     def did_change_files(params: types.DidChangeWatchedFilesParams) -> None:
-        answering.change([one.uri for one in params.changes], OpenDocuments.mark_saved)
+        answering.change([change.uri for change in params.changes], OpenDocuments.mark_saved)
 
 
 def _server(version: str) -> LanguageServer:

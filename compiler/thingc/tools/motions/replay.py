@@ -118,9 +118,9 @@ class Replay:
             data.ctrl[:] = self.at(self.commands, data.time + self.model.opt.timestep)
             with heard():
                 mujoco.mj_step(self.model, data)
-            place, before = data.qpos[self.places], states
+            place, states_before = data.qpos[self.places], states
             states = np.array([place, place - self.at(self.positions, data.time)[self.places]])
-            change = abs(states - before).min(axis=0)
+            change = abs(states - states_before).min(axis=0)
             if not (change <= FARTHEST).all() or any(data.warning[kind].number for kind in BAD):
                 change = np.nan_to_num(change, nan=np.inf)
                 raise Diverged(data.time + self.times[0], self.joints[change.argmax()] if self.joints else None)
@@ -134,8 +134,8 @@ class Replay:
             hint = "use a shorter motion, or a larger `timestep` in the section `simulation`"
             raise UnknownChoice(f"the motion takes {count:.6g} time steps, but at most {MOST_STEPS} can be written", hint)
         steps = [(data.time, data.qpos[self.places].copy(), self.at(self.positions, data.time)[self.places]) for data in self.simulate()]
-        times, tracked, wanted = (np.array(column) for column in zip(*steps, strict=True))
-        return times + self.times[0], tracked, wanted
+        times, tracked, commanded = (np.array(column) for column in zip(*steps, strict=True))
+        return times + self.times[0], tracked, commanded
 
     def show(self) -> None:
         """Play the motion in the viewer of MuJoCo, again and again, until the user closes the window.
@@ -148,16 +148,16 @@ class Replay:
         with warnings.catch_warnings(action="ignore"):
             if not glfw.init():
                 raise UnknownChoice("the viewer of MuJoCo needs a display", "use `--csv FILE`, which needs no window")
-        shown = mujoco.MjData(self.model)
-        with viewer.launch_passive(self.model, shown) as window:
+        display_data = mujoco.MjData(self.model)
+        with viewer.launch_passive(self.model, display_data) as window:
             while window.is_running():
                 start = time.monotonic()
                 for data in self.simulate():
                     if not window.is_running():
                         return
-                    shown.time, shown.qpos[:], shown.ctrl[:] = data.time, data.qpos, data.ctrl
-                    mujoco.mj_forward(self.model, shown)
-                    if (ahead := data.time - (time.monotonic() - start)) > 0.0:
+                    display_data.time, display_data.qpos[:], display_data.ctrl[:] = data.time, data.qpos, data.ctrl
+                    mujoco.mj_forward(self.model, display_data)
+                    if (delay := data.time - (time.monotonic() - start)) > 0.0:
                         window.sync()
-                        time.sleep(ahead)
+                        time.sleep(delay)
                 time.sleep(AFTER)

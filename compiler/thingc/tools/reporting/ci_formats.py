@@ -133,8 +133,8 @@ def _fingerprint(d: Diagnostic, base: str) -> str:
     The hash does not depend on the line number, and so does not change when the user adds lines above.
     """
     assert d.span is not None
-    told = [d.code.code, within(d.span.file, base) or os.path.basename(d.span.file), d.path or "", d.message]
-    return hashlib.sha256(json.dumps(told).encode()).hexdigest()[:32]
+    identity = [d.code.code, within(d.span.file, base) or os.path.basename(d.span.file), d.path or "", d.message]
+    return hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:32]
 
 
 def _notification(d: Diagnostic, notices: Sequence[Code]) -> dict[str, Any]:
@@ -167,8 +167,8 @@ def as_github(diagnostics: Sequence[Diagnostic], *, base: str) -> str:
 def _command(d: Diagnostic, base: str) -> str:
     properties = {} if d.span is None else _annotation_location(d.span, base)
     properties["title"] = d.code.code
-    written = ",".join(f"{key}={_property(value)}" for key, value in properties.items())
-    return f"::{_COMMANDS[d.severity]} {written}::{_data(_message_text(d, [_note(note, base) for note in d.notes]))}"
+    properties_text = ",".join(f"{key}={_property(value)}" for key, value in properties.items())
+    return f"::{_COMMANDS[d.severity]} {properties_text}::{_data(_message_text(d, [_note(note, base) for note in d.notes]))}"
 
 
 def _annotation_location(span: Span, base: str) -> dict[str, str]:

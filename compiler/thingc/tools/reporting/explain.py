@@ -39,9 +39,9 @@ def find(word: str) -> Explanation | None:
 
     Return None for an unknown code.
     """
-    asked = word.strip().upper()
-    asked = asked.removeprefix("TC") if re.fullmatch(r"TC\d+", asked) else asked
-    return next((code for code in explanations() if asked in (code["code"].removeprefix("TC"), code["name"])), None)
+    code_or_words = word.strip().upper()
+    code_or_words = code_or_words.removeprefix("TC") if re.fullmatch(r"TC\d+", code_or_words) else code_or_words
+    return next((code for code in explanations() if code_or_words in (code["code"].removeprefix("TC"), code["name"])), None)
 
 
 def similar_codes(word: str, count: int = 3) -> list[Explanation]:
@@ -51,17 +51,17 @@ def similar_codes(word: str, count: int = 3) -> list[Explanation]:
     """
     number = re.fullmatch(r"(?:TC)?(\d+)", word.strip().upper())
     if number is not None and len(number.group(1)) == 3:
-        wanted = int(number.group(1))
-        return sorted(explanations(), key=lambda code: abs(int(code["code"][2:]) - wanted))[:count]
-    asked = word.strip().lower().replace("_", " ")
+        number_in_code = int(number.group(1))
+        return sorted(explanations(), key=lambda code: abs(int(code["code"][2:]) - number_in_code))[:count]
+    text = word.strip().lower().replace("_", " ")
     if number is not None:
         numbers = {code["code"][2:]: code for code in explanations()}
         return [numbers[match] for match in difflib.get_close_matches(number.group(1), numbers, n=count)]
-    spoken = [code for code in explanations() if asked in f"{code['title']} {code['name'].replace('_', ' ')}".lower()]
+    spoken = [code for code in explanations() if text in f"{code['title']} {code['name'].replace('_', ' ')}".lower()]
     if spoken:
         return spoken[:count]
     words = {known: code for code in explanations() for known in (*code["name"].lower().split("_"), code["name"].lower())}
-    matches = difflib.get_close_matches(asked, words, n=count, cutoff=0.75)
+    matches = difflib.get_close_matches(text, words, n=count, cutoff=0.75)
     return list({words[match]["code"]: words[match] for match in matches}.values())
 
 

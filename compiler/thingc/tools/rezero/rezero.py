@@ -184,9 +184,9 @@ def _compare(document: Document, old: Compilation, new: Compilation, shift: Join
     """Raise `ShiftRefused` unless the old and the new robot are equal in all poses and in random configurations."""
     for one, other in zip(old.robots, new.robots, strict=True):
         for pose, before, after in _states(one, other, shift, moved):
-            apart = math.inf if after is None else _largest_difference(occurrence_poses(one, *before), occurrence_poses(other, *after))
-            if apart > (CLOSED if one.closures else ALIKE):
-                message = f"the robot would change by {apart:.3g} in {f'pose `{pose}` of ' if pose else ''}mode `{one.mode.name}`"
+            difference = math.inf if after is None else _largest_difference(occurrence_poses(one, *before), occurrence_poses(other, *after))
+            if difference > (CLOSED if one.closures else ALIKE):
+                message = f"the robot would change by {difference:.3g} in {f'pose `{pose}` of ' if pose else ''}mode `{one.mode.name}`"
                 raise ShiftRefused(message, f"set `{shift.joint}` in all poses first", span=document.span(("poses", pose) if pose else ()))
 
 
@@ -200,8 +200,8 @@ def _states(one: Robot, other: Robot, shift: JointShift, moved: Sequence[str]) -
     draw = random.Random(0)
     for _ in range(CONFIGURATIONS):
         q = {joint.path: draw.uniform(-1.0, 1.0) for joint in joints_of(one.assembly) if joint.mimic is None}
-        there = {path: shift.sign * value + float(shift.zero.value) if path in moved else value for path, value in q.items()}
-        yield "", (q, None), (there, None)
+        shifted = {path: shift.sign * value + float(shift.zero.value) if path in moved else value for path, value in q.items()}
+        yield "", (q, None), (shifted, None)
 
 
 def _largest_difference(one: Sequence[Pose], other: Sequence[Pose]) -> float:

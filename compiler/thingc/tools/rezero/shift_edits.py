@@ -43,15 +43,15 @@ def find_joint(document: Document, model: AssemblyDefinition, shift: JointShift)
     """Return the joint of a shift. Raises `ShiftRefused` if the document does not define a joint whose coordinate can change."""
     name, span = shift.joint, document.span(("joints", shift.joint), key=True)
     joint = next((one for one in model.joints if one.name == name), None)
-    written = node_at(document.tree, ("joints", name))
-    if joint is None or written is None:
-        component, _, rest = name.partition(".")
+    node = node_at(document.tree, ("joints", name))
+    if joint is None or node is None:
+        component, _, suffix = name.partition(".")
         inner = node_at(document.tree, ("components", component, "assembly"))
-        if rest and isinstance(inner, ScalarNode):
-            message = f"joint `{rest}` is defined in `{inner.text}`, and the change would apply to every component that uses it"
+        if suffix and isinstance(inner, ScalarNode):
+            message = f"joint `{suffix}` is defined in `{inner.text}`, and the change would apply to every component that uses it"
             path = shown_path(os.path.normpath(os.path.join(os.path.dirname(document.path), inner.text)))
-            raise ShiftRefused(message, f"use `thingc rezero {path} {rest}=...`", span=inner.span)
-        if joint is None and written is None:
+            raise ShiftRefused(message, f"use `thingc rezero {path} {suffix}=...`", span=inner.span)
+        if joint is None and node is None:
             help = did_you_mean(name, entries_of(node_at(document.tree, ("joints",))), what="joints")
             raise ShiftRefused(f"there is no joint `{name}`", help)
         raise ShiftRefused(f"`{name}` is repeated, or has several coordinates", "edit its values by hand", span=span)
@@ -134,16 +134,16 @@ class ShiftEdits:
     def _motion(self, joint: Joint) -> Edits:
         """Yield the new offset, direction, limits, and rest position of the spring, which can be default values of the document."""
         path, shift = ("joints", self.shift.joint), self.shift
-        limit, rest = joint.limit, joint.dynamics.rest
-        used = {"offset": joint.offset, "limit.lower": limit.lower, "limit.upper": limit.upper, "dynamics.rest": rest}
-        stated = {
+        limit, rest_position = joint.limit, joint.dynamics.rest
+        used = {"offset": joint.offset, "limit.lower": limit.lower, "limit.upper": limit.upper, "dynamics.rest": rest_position}
+        specified = {
             key: ZERO if value is None or key not in joint.written else self._read(joint.written[key], joint.spans[key])
             for key, value in used.items()
         }
-        yield from self._new((*path, "offset"), stated["offset"], -shift.zero.value)
+        yield from self._new((*path, "offset"), specified["offset"], -shift.zero.value)
         if shift.sign < 0:
             yield (*path, "reverse"), "false" if joint.reverse else "true"
-        ends = {key: stated[f"limit.{key}"] for key in ("lower", "upper") if getattr(limit, key) is not None}
+        ends = {key: specified[f"limit.{key}"] for key in ("lower", "upper") if getattr(limit, key) is not None}
         if len(ends) == 1 and shift.sign < 0:
             raise ShiftRefused(f"joint `{shift.joint}` has only one limit", "add the other limit first", span=joint.spans["limit"])
         for key, source in zip(ends, [*ends][:: shift.sign], strict=True):
@@ -151,7 +151,7 @@ class ShiftEdits:
             if text != self._text(ends[key]):
                 yield (*path, "limit", key), text
         if joint.dynamics.stiffness:
-            yield from self._new((*path, "dynamics", "rest"), stated["dynamics.rest"])
+            yield from self._new((*path, "dynamics", "rest"), specified["dynamics.rest"])
 
     def _mimic(self, joint: Joint, change: Callable[[Sequence[Fraction]], Sequence[Fraction]]) -> Edits:
         """Yield the new coefficients by which a joint follows its leader."""
@@ -231,8 +231,8 @@ class ShiftEdits:
                     continue
                 old = ZERO if key is None else self._at(("poses", pose, key))
                 fits = [one for one in self.independent if fnmatchcase(one, key or "")]
-                whole = key is not None and set(fits) <= set(self.names)  # the pattern matches no other joint
-                yield from self._new(("poses", pose, key if whole and key else name), old)
+                matches_only_these = key is not None and set(fits) <= set(self.names)  # the pattern matches no other joint
+                yield from self._new(("poses", pose, key if matches_only_these and key else name), old)
         starts = [mode.name for mode in self.model.modes if mode.stated and mode.pose is None]
         if self.shift.zero.value and starts:
             pose = next(name for k in range(1, len(poses) + 2) if (name := f"start_{k}" if k > 1 else "start") not in poses)

@@ -95,8 +95,8 @@ def facts_of(
 
     `usual` contains the default mounts of part classes, for parts whose mounts are unknown.
     """
-    made = {} if model is None else _by_item(model)
-    pieces = tuple(_piece(name, node, made.get(name, ()), records, schemas, usual) for name, node in _entries(tree, "components").items())
+    parts = {} if model is None else _by_item(model)
+    pieces = tuple(_piece(name, node, parts.get(name, ()), records, schemas, usual) for name, node in _entries(tree, "components").items())
     mounts: Names = {}
     components: Names = {}
     for piece in pieces:
@@ -268,9 +268,9 @@ def _inner_components(model: AssemblyDefinition, prefix: str) -> Names:
 
 def _joints(tree: MappingNode, model: AssemblyDefinition | None) -> dict[str, JointFacts]:
     joints = {} if model is None else _joints_of(model, "")
-    written = {name for joint in joints for name in (joint, joint.rpartition("_")[0])}
+    names = {name for joint in joints for name in (joint, joint.rpartition("_")[0])}
     for name, node in _entries(tree, "joints").items():
-        if name not in written:
+        if name not in names:
             kind = _scalar_text(entries_of(node).get("type"))
             joints[name] = JointFacts(what=f"A {kind} joint." if kind else "A joint.", angle=None, settable=True, own=True)
     return joints
@@ -291,13 +291,13 @@ def _joint_facts(joint: Joint, *, own: bool) -> JointFacts:
     angle = None if coordinate is None else coordinate == ANGLE
     bounds = (joint.limit.lower, joint.limit.upper)
     limits = within(*(None if bound is None else Quantity(bound, coordinate or LENGTH).format(12) for bound in bounds))
-    what = f"{joint.kind.name.capitalize()}, from `{joint.parent.text}` to `{joint.child.text}`{f'; {limits}' if limits else ''}."
+    text = f"{joint.kind.name.capitalize()}, from `{joint.parent.text}` to `{joint.child.text}`{f'; {limits}' if limits else ''}."
     if joint.mimic is not None:
-        what += f" Mimics `{joint.mimic.joint}`."
-    return JointFacts(what=what, angle=angle, settable=coordinate is not None and joint.mimic is None and not joint.kind.at_once, own=own)
+        text += f" Mimics `{joint.mimic.joint}`."
+    return JointFacts(what=text, angle=angle, settable=coordinate is not None and joint.mimic is None and not joint.kind.at_once, own=own)
 
 
 def _material(density: float | None, slide: float | None) -> str:
-    said = [] if density is None else [f"{density:.12g} kg/m^3"]
-    return ", ".join([*said, *([] if slide is None else [f"friction {slide:.12g}"])])
+    lines = [] if density is None else [f"{density:.12g} kg/m^3"]
+    return ", ".join([*lines, *([] if slide is None else [f"friction {slide:.12g}"])])
 

@@ -63,12 +63,12 @@ class _Generator(GenerateJsonSchema):
 def _documentation() -> dict[str, dict[str, str]]:
     """Return the docstrings of the fields of all loaded pydantic models, including inherited fields, keyed by class name and field name."""
     models = [*_submodels(Model)]
-    own: dict[str, dict[str, str]] = {}
+    texts: dict[str, dict[str, str]] = {}
     for module in dict.fromkeys(model.__module__ for model in models):
         nodes = ast.parse(inspect.getsource(sys.modules[module])).body
-        own |= {node.name: dict(_field_texts(node)) for node in nodes if isinstance(node, ast.ClassDef)}
+        texts |= {node.name: dict(_field_texts(node)) for node in nodes if isinstance(node, ast.ClassDef)}
     return {
-        model.__name__: {name: text for base in reversed(model.__mro__) for name, text in own.get(base.__name__, {}).items()}
+        model.__name__: {name: text for base in reversed(model.__mro__) for name, text in texts.get(base.__name__, {}).items()}
         for model in models
     }
 
@@ -94,8 +94,8 @@ def _describe(definition: dict[str, Any], documented: dict[str, str]) -> None:
     for name, field in definition.get("properties", {}).items():
         text = documented.get(name)
         if text is not None:
-            own = field.get("description")
-            field["description"] = f"{text} {own}" if own and own != text else text
+            description = field.get("description")
+            field["description"] = f"{text} {description}" if description and description != text else text
 
 
 def _complete(name: str, field: dict[str, Any], definitions: dict[str, Any]) -> None:
@@ -123,11 +123,11 @@ def _without_null(schema: Any) -> Any:
     cleaned = {key: _without_null(value) for key, value in schema.items() if not (key == "default" and value is None)}
     branches = cleaned.get("anyOf")
     if isinstance(branches, list) and {"type": "null"} in branches:
-        kept = [branch for branch in branches if branch != {"type": "null"}]
-        if len(kept) == 1:
+        other_branches = [branch for branch in branches if branch != {"type": "null"}]
+        if len(other_branches) == 1:
             del cleaned["anyOf"]
-            return {**kept[0], **cleaned, **_both(kept[0], cleaned)}
-        cleaned["anyOf"] = kept
+            return {**other_branches[0], **cleaned, **_both(other_branches[0], cleaned)}
+        cleaned["anyOf"] = other_branches
     return cleaned
 
 

@@ -116,8 +116,8 @@ class _Narrowing:
     def _references(self) -> None:
         known = [*self._known_mounts()]
         self.definitions["mount"] = one_of(self.facts.mounts.items(), title="Mount", **({"allOf": known} if known else {}))
-        shown = {name: f"`{text}`, exported by this document." for name, text in self.facts.exports.items()}
-        self.definitions["frame"] = one_of({**self.facts.components, **shown, **self.facts.mounts}.items(), title="Component or mount")
+        mounts = {name: f"`{text}`, exported by this document." for name, text in self.facts.exports.items()}
+        self.definitions["frame"] = one_of({**self.facts.components, **mounts, **self.facts.mounts}.items(), title="Component or mount")
         self.definitions["component"] = one_of(self.facts.components.items(), title="Component")
         self._put("AttachSpec", "mount", {"type": "string"})
         for model, key in (("AtSpec", "in"), ("AttachSpec", "to"), ("JointSpec", "parent"), ("JointSpec", "child")):
@@ -134,19 +134,19 @@ class _Narrowing:
 
         A reference to one of these components must match the pattern.
         """
-        alike: dict[tuple[tuple[str, ...], bool], list[WrittenComponent]] = {}
+        groups: dict[tuple[tuple[str, ...], bool], list[WrittenComponent]] = {}
         for piece in self.facts.pieces:
-            own = tuple(sorted(name for name in piece.mounts if "." not in name))
-            if piece.sure and len(own) <= MAX_CHECKED:
-                alike.setdefault((own, piece.assembly), []).append(piece)
-        for (own, assembly), pieces in alike.items():
+            mounts = tuple(sorted(name for name in piece.mounts if "." not in name))
+            if piece.sure and len(mounts) <= MAX_CHECKED:
+                groups.setdefault((mounts, piece.assembly), []).append(piece)
+        for (mounts, assembly), pieces in groups.items():
             names = f"({'|'.join(piece.pattern for piece in pieces)})"
             # a reference into a nested assembly can have more levels, such as `hand.cap.pen`; a reference to a part has one level
             other = rf"^(?!{names}\.[^.]*$)" if assembly else rf"^(?!{names}\.)"
-            shown = f"`{pieces[0].name}` ({pieces[0].label})" if len(pieces) == 1 else f"`{pieces[0].label}`"
+            description = f"`{pieces[0].name}` ({pieces[0].label})" if len(pieces) == 1 else f"`{pieces[0].label}`"
             yield {
-                "pattern": rf"{other}|^{names}\.({'|'.join(own)})$|{OPEN}",
-                "patternErrorMessage": f"{shown} has no such mount; it has {quote_names(own, 12)}",
+                "pattern": rf"{other}|^{names}\.({'|'.join(mounts)})$|{OPEN}",
+                "patternErrorMessage": f"{description} has no such mount; it has {quote_names(mounts, 12)}",
             }
 
     # --- materials ---------------------------------------------------------------------------------------------
@@ -185,8 +185,8 @@ class _Narrowing:
             needs = self.definitions[params_name(reference)].get("required")
             rules.append(_if("part", reference, {"properties": then, **({"required": ["params"]} if needs else {})}))
         for name, symbols in self.around.assemblies.items():
-            own = {"mode": one_of((mode, f"A mode of `{name}`.") for mode in symbols.modes)} if symbols.modes else {}
-            rules.append(_if("assembly", name, {"properties": {"parameters": parameters_schema(name, symbols), **own}}))
+            modes = {"mode": one_of((mode, f"A mode of `{name}`.") for mode in symbols.modes)} if symbols.modes else {}
+            rules.append(_if("assembly", name, {"properties": {"parameters": parameters_schema(name, symbols), **modes}}))
         for section in ("params", "parameters"):  # a description of all values hides the descriptions of parameters
             self._put("ComponentSpec", section, {"type": "object"})
         self._put("ComponentSpec", "attach", {"type": "object", **_full_or_short({"additionalProperties": _ref("mount")}, {})})
@@ -198,8 +198,8 @@ class _Narrowing:
 
         In the short form of `attach`, the mounts are keys. In the full form, a mount is the value of the key `mount`.
         """
-        own = {name: {**_ref("mount"), "description": text} for name, text in mounts.items()}
-        short: Schema = {"properties": own}
+        properties = {name: {**_ref("mount"), "description": text} for name, text in mounts.items()}
+        short: Schema = {"properties": properties}
         full = one_of(mounts.items())
         if sure:
             # the compiler validates names such as `hip_$i` and `cap.pen`
@@ -216,9 +216,9 @@ class _Narrowing:
         section = self.properties["components"]
         known: Schema = {}
         for piece in self.facts.pieces:
-            own = [name for name in piece.mounts if "." not in name]
-            said = f"{piece.what}\n\nMounts: {quote_names(own, 30)}."
-            known[piece.name] = {**self._component(piece), "title": piece.name, "description": said}
+            mounts = [name for name in piece.mounts if "." not in name]
+            description = f"{piece.what}\n\nMounts: {quote_names(mounts, 30)}."
+            known[piece.name] = {**self._component(piece), "title": piece.name, "description": description}
         section["properties"] = known
         _set_each(section, self._plain("ComponentSpec", "Component"))
 
@@ -227,17 +227,17 @@ class _Narrowing:
             return _ref("ComponentSpec")
         key, text = piece.source
         name = f"{piece.label} here"
-        own = {**self._attach(piece.mounts, sure=True)}
-        if self.definitions.setdefault(name, own) != own:  # the component has additional mounts
+        properties = {**self._attach(piece.mounts, sure=True)}
+        if self.definitions.setdefault(name, properties) != properties:  # the component has additional mounts
             name = f"{piece.name} here"
-            self.definitions[name] = own
+            self.definitions[name] = properties
         return {**_ref("ComponentSpec"), **_if(key, text, {"properties": {"attach": _ref(name)}})}
 
     # --- joints, poses, modes, sensors --------------------------------------------------------------------------
 
     def _joints(self) -> None:
-        own = [(name, joint.what) for name, joint in self.facts.joints.items() if joint.own]
-        self._offer("MimicSpec", "joint", own)
+        joints = [(name, joint.what) for name, joint in self.facts.joints.items() if joint.own]
+        self._offer("MimicSpec", "joint", joints)
         section = self.properties["joints"]
         _set_each(section, self._plain("JointSpec", "Joint"))
         section["properties"] = {
@@ -276,10 +276,10 @@ class _Narrowing:
             section["properties"] = {name: _ref(key) for name in frames}
 
     def _sensors(self) -> None:
-        shown = {name: f"`{text}`, exported by this document." for name, text in self.facts.exports.items()}
+        mounts = {name: f"`{text}`, exported by this document." for name, text in self.facts.exports.items()}
         mount = _ref("mount")
-        if shown:
-            mount = {"anyOf": [one_of(shown.items(), pattern=rf"^({'|'.join(shown)})$"), _ref("mount")]}
+        if mounts:
+            mount = {"anyOf": [one_of(mounts.items(), pattern=rf"^({'|'.join(mounts)})$"), _ref("mount")]}
         for model, key in (("SensorSpec", "at"), ("SensorSpec", "in"), ("AroundSpec", "around"), ("AroundSpec", "side")):
             self._put(model, key, mount)
         for key in ("of", "with"):

@@ -35,12 +35,12 @@ def quantity(dimension: Dimension) -> Schema:
     """
     units = "|".join(re.escape(name) for name, (_, _, own) in UNITS.items() if own == dimension and name != "%")
     pattern = rf"^\s*(=.*|{_NUMBER}\s*({units}|°|[^\s\d].*[*/·^²³].*)|{_ZERO})\s*$"
-    words = dimension.words
+    description = dimension.words
     return {
         "oneOf": [
             {
                 "type": "string", "pattern": pattern,
-                "patternErrorMessage": f"expected {words} such as `{dimension.example}`, or an expression such as `=reach / 2`",
+                "patternErrorMessage": f"expected {description} such as `{dimension.example}`, or an expression such as `=reach / 2`",
             },
             {"const": 0},
         ],
@@ -271,10 +271,10 @@ def _schema(name: str, one: ParameterSymbol) -> Schema:
         words = value.dimension.words
     doc = _sentence(one.doc)
     limits = within(one.minimum or None, one.maximum or None)
-    said = ", ".join(word for word in (words and words[0].upper() + words[1:], limits) if word)
+    text = ", ".join(word for word in (words and words[0].upper() + words[1:], limits) if word)
     default = f"`{one.value}` by default." if one.value else ""
     schema.update({
-        "title": name, "description": f"{doc}{said}{'; ' if said and default else ''}{default}".strip() or f"`{name}`.",
+        "title": name, "description": f"{doc}{text}{'; ' if text and default else ''}{default}".strip() or f"`{name}`.",
         "examples": [one.value] if one.value else [],
     })
     return schema

@@ -58,16 +58,16 @@ class Parts:
         """Return the schemas of all available part classes, and of the part classes in `references`."""
         if self._reach is None:
             self._reach = tuple(self.service.catalogue())
-        wanted = [one for one in dict.fromkeys((*self._reach, *references)) if one not in self.schemas]
-        if wanted:
-            self.schemas.update(self.service.describe(wanted))
+        missing = [one for one in dict.fromkeys((*self._reach, *references)) if one not in self.schemas]
+        if missing:
+            self.schemas.update(self.service.describe(missing))
         return self.schemas
 
     def realize(self, definitions: Iterable[PartDefinition]) -> Records:
         """Return the records of all known part definitions, including the given definitions."""
-        wanted = {one.text: one for one in definitions if one.text not in self.records}
-        if wanted:
-            self.records.update(self.service.realize(list(wanted.values())))
+        missing = {one.text: one for one in definitions if one.text not in self.records}
+        if missing:
+            self.records.update(self.service.realize(list(missing.values())))
         return self.records
 
     def things(self) -> dict[str, PartSchema]:
@@ -209,8 +209,8 @@ class Schemas:
         definitions = dict.fromkeys(definition for one in models.values() if one is not None for definition in part_definitions(one))
         self._parts.realize((*definitions, *self._parts.defaults().values()))
         usual = self._parts.usual(definitions)
-        wanted = None if only is None else {self.workspace.relative(path) for path in only}
-        chosen = [name for name in names.values() if wanted is None or name in wanted]
+        selected = None if only is None else {self.workspace.relative(path) for path in only}
+        chosen = [name for name in names.values() if selected is None or name in selected]
         done = {name: self._write(name, read.get(name), models.get(name), usual) for name in chosen}
         return RefreshOutcome(
             documents=tuple(chosen), written=tuple(name for name in chosen if done[name]),
@@ -246,10 +246,10 @@ class Schemas:
             return self._of_variants(name, general, tree)
         schemas = {**self._parts.describe(()), **known}
         self._parts.realize(self._parts.defaults().values())
-        around = self._around(name, self._parts.usual(()))
-        made = (facts_of(tree, model, records, schemas, around.usual), around)
-        if name not in self._narrowed or self._narrowed[name][0] != made:
-            self._narrowed[name] = (made, narrow(general, *made))
+        surroundings = self._around(name, self._parts.usual(()))
+        facts_and_surroundings = (facts_of(tree, model, records, schemas, surroundings.usual), surroundings)
+        if name not in self._narrowed or self._narrowed[name][0] != facts_and_surroundings:
+            self._narrowed[name] = (facts_and_surroundings, narrow(general, *facts_and_surroundings))
         return self._narrowed[name][1]
 
     def _of_variants(self, name: str, general: dict[str, Any], tree: MappingNode) -> dict[str, Any]:
@@ -332,13 +332,13 @@ def write_text(path: str, text: str) -> bool:
 def remove_others(root: str, documents: Iterable[str]) -> list[str]:
     """Delete the JSON Schemas of documents that no longer exist. Return the former paths of these documents in the workspace."""
     top = os.path.join(root, SCHEMAS)
-    kept = set(documents)
+    current = set(documents)
     removed: list[str] = []
     for folder, _, files in os.walk(top, topdown=False):
         for name in sorted(files):
             path = os.path.join(folder, name)
             relative = os.path.relpath(path, top).replace(os.sep, "/").removesuffix(".json")
-            if name.endswith(".json") and relative not in kept:
+            if name.endswith(".json") and relative not in current:
                 os.unlink(path)
                 removed.append(relative)
         if folder != top:
