@@ -177,7 +177,7 @@ def _cut_loops(robot: Robot) -> dict[str, dict[str, str]]:
 
 
 def _why_cut(cut: str, through: dict[str, str], robot: Robot) -> list[str]:
-    """Describe the other joints of a closed loop, and the reason why the loop is cut at the joint `cut`."""
+    """Return lines that list the joints through which a closed loop passes, each with the reason for cutting the loop at `cut` instead."""
     if any(one.joint == cut for one in robot.mode.cut):
         return [f"    through {', '.join(through)}: cut at the joint that the mode lists under `cut`"]
     return [f"    through {path}, which {reason}" if reason else f"    through {path}" for path, reason in through.items()]

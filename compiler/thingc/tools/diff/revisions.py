@@ -43,7 +43,7 @@ class Repository(OneLineRepr, FrozenStruct):
         return Repository(top=os.path.realpath(git(folder, "rev-parse", "--show-toplevel").rstrip("\n")), trusted=trusted)
 
     def commit(self, name: str) -> str | None:
-        """Return the hash of the commit to which a git revision refers, such as a branch or tag, or None if it does not exist."""
+        """Return the hash of the commit to which a branch, a tag or another git revision refers, or None for an unknown revision."""
         try:
             return git(self.top, "rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}").strip()
         except NotARepository:

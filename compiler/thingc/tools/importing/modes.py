@@ -53,7 +53,7 @@ def mode_sections(naming: DocumentNaming, roots: Sequence[str]) -> dict[str, Ite
 
 
 def _modes(naming: DocumentNaming, roots: Sequence[str], begin: str) -> Iterator[str]:
-    """Yield the lines of the modes. `begin` contains the key of the pose in which they begin, if any."""
+    """Yield the lines of the modes. `begin` is the text of the key `pose` that all modes have, or an empty string."""
     at, shared = pose_words(naming.robot.pose), _common_values(naming)
     place, more = (f", at: {{{at}}}" if at else ""), "".join(f", {key}: {value}" for key, value in shared.items())
     moved = {naming.poses[state.name]: pose_words(state.at) or "xyz: 0 0 0" for state in naming.robot.poses if state.at is not None}

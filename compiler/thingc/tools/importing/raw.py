@@ -87,10 +87,7 @@ def order_of(naming: DocumentNaming, kind: str) -> dict[str, str]:
 
 
 def _is_derived(shape: SourceShape, attribute: str) -> bool:
-    """Return whether thingc derives this attribute of a shape from the friction coefficients.
-
-    The document does not contain such an attribute.
-    """
+    """Return whether thingc derives this MuJoCo attribute from the friction of the shape, so that `raw` does not contain it."""
     return {"friction": 0, "priority": 0, "condim": 1}.get(attribute, 3) < len(shape.friction)
 
 

@@ -49,7 +49,7 @@ class FeatureMount(FrozenStruct):
 def feature_mounts(features: Features) -> tuple[FeatureMount, ...]:
     """Return mounts for the bolt circles, the other through holes, and the planar faces of a part, at most `MOST_MOUNTS`.
 
-    The origin is at the end of a hole in the direction of its axis, which points along the last coordinate axis that it is not
+    The origin is at the end of a hole in the direction of the hole's axis, which points along the last coordinate axis that it is not
     perpendicular to. A planar face gets a mount if it is the only outermost face in its direction.
     """
     holes = [one for one in features.cylinders if one.through]

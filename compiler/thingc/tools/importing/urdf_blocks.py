@@ -185,7 +185,7 @@ class Blocks:
             self._rest((one for one in block.children if one.tag not in ("joint", "transmission")), "of `<ros2_control>`")
 
     def _read_reductions(self, block: SourceElement, kind: str, tag: str) -> None:
-        """Read the reductions of a `<transmission>`, which are elements `tag`. `kind` contains the name of its plugin in ROS.
+        """Read the reductions of a `<transmission>` from its elements `tag`. `kind` contains the name of the ROS plugin.
 
         Transmissions with a ratio of 1 are ignored. If the reductions cannot be imported, they are recorded as a loss.
         """

@@ -41,7 +41,7 @@ class FaceContact(FrozenStruct):
 
 
 class Contact(FrozenStruct):
-    """All places at which two parts touch. `holes` are the axes of through holes of both parts that continue each other."""
+    """All places at which two parts touch. `holes` are the axes of through holes that continue from one part into the other."""
 
     shafts: tuple[ShaftContact, ...] = ()
     faces: tuple[FaceContact, ...] = ()

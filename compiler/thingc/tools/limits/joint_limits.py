@@ -37,13 +37,13 @@ class FreeIntervals(FrozenStruct):
     proved: bool
 
     def around(self, q: float, width: float) -> tuple[float, float] | None:
-        """Return the interval that contains `q`, or begins or ends within `width` of it."""
+        """Return the interval that contains `q`, or that has a bound at most `width` from `q`. Return None if there is no such interval."""
         return next((one for one in self.intervals if one[0] - width <= q <= one[1] + width), None)
 
     def contact(self, q: float, width: float) -> ComparedPair | None:
-        """Return the pair that touches at the blocked position next to `q`, or None if it is farther than `width`."""
-        near = ((abs(remainder(at - q, self.period)), pair) for at, pair in self.blocked)
-        return min((one for one in near if one[0] <= width), key=lambda one: one[0], default=(q, None))[1]
+        """Return the pair that touches at the nearest blocked position, or None if this position is farther than `width` from `q`."""
+        distances = ((abs(remainder(at - q, self.period)), pair) for at, pair in self.blocked)
+        return min((one for one in distances if one[0] <= width), key=lambda one: one[0], default=(q, None))[1]
 
 
 def free_intervals(sweep: Sweep, pairs: Sequence[ComparedPair], width: float) -> FreeIntervals:

@@ -51,7 +51,7 @@ class MechanismJoint(OneLineRepr, FrozenStruct):
 
     The link `child` has the pose `exp(twist q) @ pose` in the frame of the link `parent`. Both links are indices. The twist of a ball
     joint is a rotation about its centre. `limits` are the lower and the upper limit of q [rad or m], or the cone of a ball joint as upper
-    limit. They are None if the source does not contain limits, as a build folder. `properties` contains the values in SI units that the
+    limit. `limits` is None if the source, such as a build folder, contains no limits. `properties` contains the values in SI units that the
     source specifies.
     """
 
