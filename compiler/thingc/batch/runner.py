@@ -74,7 +74,7 @@ class Runner:
         started = time.perf_counter()
         try:
             try:
-                outcome = self._build_by_plan_or_passes(task)
+                outcome = self._build_variant(task)
             except BlobMissing:  # a blob in the store is damaged: build the variant again
                 outcome = self._build_by_passes(task)
         except StoreUnusable as fault:
@@ -94,7 +94,7 @@ class Runner:
     def _store_printed_lines(self, part: str, lines: Sequence[str]) -> None:
         self.printed.setdefault(part, []).extend(lines)
 
-    def _build_by_plan_or_passes(self, task: Variant) -> Row:
+    def _build_variant(self, task: Variant) -> Row:
         settings = Settings(parameters=task.parameters, choices=task.choices)
         planned = self.builds.build_by_plan(settings) if self.builds is not None else None
         if planned is None:
