@@ -39,6 +39,11 @@ IMPORTED = (
 """Robot files in the package pybullet that are imported."""
 OVERLAPPING = "(a1_description|mini_cheetah|panda|plane)"
 """Imported robots whose collision shapes overlap. `plane` is the robot in `laikago.urdf`."""
+DUPLICATE_NAMES = {
+    r"^WARNING: Geom with duplicate name.*\[(ant|humanoid)/": (
+        "If an imported geom is both visual and collision geometry, the two geoms in the model have the same name."
+    ),
+}
 GALLERY = tuple(f"gallery/{name}/{name}.yaml" for name in ("balancer", "delta", "gecko", "gripper", "hand", "hexapod"))
 
 
@@ -131,25 +136,41 @@ CHECKERS: tuple[Checker, ...] = (
     }),
     Checker("scikit-robot", ("URDF",), ("scikit-robot==0.4.7",)),
     Checker("roboticstoolbox", ("URDF",), ("roboticstoolbox-python==1.5.0",)),
+    Checker("urchin", ("URDF",), ("urchin==0.0.30",)),
+    Checker("idyntree", ("URDF",), ("idyntree==15.1.0",)),
+    Checker("dartpy", ("URDF",), ("dartpy==6.20.0",), "DART is the default physics engine of Gazebo.", explained={
+        "A negative or zero mass": "Some links are frames without a mass.",
+        r"^links missing \['world'\], added \[\]": "DART does not create a body for a root link with the name `world`.",
+    }),
     Checker("mjcf-doctor", ("MJCF",), ("mjcf-doctor==0.2.1",), explained={
         rf"_penetration.*\[{OVERLAPPING}/": "Collision shapes of some imported robots also overlap in the source files.",
         r"^timestep_large.*\[ant/": "The time step of the robot `ant` comes from its source file.",
     }),
-    Checker("mujoco", ("MJCF", "URDF"), ("mujoco==4.0.0",), explained={
-        r"^WARNING: Geom with duplicate name.*\[(ant|humanoid)/": (
-            "If an imported geom is both visual and collision geometry, the two geoms in the model have the same name."
-        ),
-    }),
+    *(Checker(name, ("MJCF", "URDF"), (f"mujoco=={version}",), function="mujoco", explained=DUPLICATE_NAMES) for name, version in (
+        ("mujoco", "4.0.0"), ("mujoco-3.17", "3.17.0"), ("mujoco-3.11", "3.11.0"),
+    )),
     Checker(
         "libsdformat", ("SDF",), needs=("g++ --version", "pkg-config --exists sdformat12"), install="apt install libsdformat-dev",
         explained={"is newer than the supported version": "libsdformat 12 supports SDFormat 1.9, but some files require 1.11."},
     ),
-    Checker("gz sdf", ("SDF",), needs=("gz sdf --version",), install="apt install gz-tools2"),
+    Checker(
+        "gz sdf", ("SDF",), needs=("gz sdf --version",), install="apt install gz-tools2",
+        note=(
+            "Debian does not contain the package, and the Python package sdformat14-py-bindings does not contain libsdformat. Drake, which "
+            "also contains libsdformat, reads all SDF files in the conformance study."
+        ),
+    ),
     Checker("newton", ("URDF", "USD"), (
         "newton==1.8.0", "warp-lang==1.19.0", "usd-core==26.11", "newton-usd-schemas==0.6.0", "scipy==1.17.1", "trimesh==5.2.0",
     ), explained={
         "^Inertia validation corrected": "Newton enlarges the inertia of links of 1e-9 kg between the axes of a joint.",
         "^Warp CUDA warning": "The study runs on a CPU.",
+    }),
+    Checker("genesis", ("URDF", "MJCF"), ("genesis-world==1.4.5", "torch==2.13.0"), "Genesis only loads the files.", explained={
+        r"has dubious .*_source\.": "Masses and inertias of imported robots come from their source files.",
+        r"Mesh is not watertight.*_source\.": "Meshes of imported robots come from their source files.",
+        "Joint limit ignored for ball joints": "Genesis does not support limits of ball joints.",
+        "The model declares (torsional|rolling) friction": "By default, Genesis only simulates sliding friction.",
     }),
 )
 

@@ -172,6 +172,35 @@ def roboticstoolbox(file):
     yield from differences(file, links=[link.name for link in links], mass=sum(link.m for link in links))
 
 
+def urchin(file):
+    import urchin
+
+    robot = urchin.URDF.load(file, lazy_load_meshes=True)
+    moving = [joint.name for joint in robot.joints if joint.joint_type in MOVING]
+    yield from differences(file, links=robot.link_map, joints=moving)
+
+
+def idyntree(file):
+    from idyntree.bindings import ModelLoader
+
+    loader = ModelLoader()
+    if loader.loadModelFromFile(file):
+        model = loader.model()
+        moving = [model.getJointName(k) for k in range(model.getNrOfJoints()) if model.getJoint(k).getNrOfDOFs()]
+        yield from differences(file, joints=moving, mass=model.getTotalMass())
+    else:
+        yield "error", "iDynTree does not load the file"
+
+
+def dartpy(file):
+    import dartpy
+
+    robot = dartpy.utils.DartLoader().parseSkeleton(file)
+    links = [robot.getBodyNode(k) for k in range(robot.getNumBodyNodes())]
+    moving = [link.getParentJoint().getName() for link in links if link.getParentBodyNode() and link.getParentJoint().getNumDofs()]
+    yield from differences(file, links=[link.getName() for link in links], joints=moving, mass=robot.getMass())
+
+
 def placo(file):
     import placo
 
@@ -224,6 +253,17 @@ def gz_sdf(file):
 
 
 # Several formats
+
+
+def genesis(file):
+    import genesis
+
+    if not genesis._initialized:
+        genesis.init(backend=genesis.cpu, logging_level="warning")
+    morph = genesis.morphs.URDF(file=file) if file.endswith(".urdf") else genesis.morphs.MJCF(file=file)
+    robot = genesis.Scene(show_viewer=False).add_entity(morph)
+    if file.endswith(".urdf"):
+        yield from differences(file, joints=[joint.name for joint in robot.joints if joint.n_dofs and joint.name != "root_joint"])
 
 
 def newton(file):

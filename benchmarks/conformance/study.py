@@ -250,20 +250,19 @@ def main() -> int:
     folder = ROOT / "build" / "conformance"
     asked = list(questions(folder, arguments.random))
     rows: dict[tuple[str, str], tuple[str, dict[str, Judged]]] = {}
+    faults: list[str] = []
+    head, _, rest = PAGE.read_text(encoding="utf-8").partition("<!-- conformance -->\n")
+    before, end, foot = rest.partition("<!-- end of conformance -->")
     for reader in READERS:
         for format in reader.formats if not arguments.reader or reader.name in arguments.reader else ():
             rows[reader.name, format] = judged(reader, folder, [(group, one) for group, one in asked if one.format == format])
-            print(f"{reader.name} {rows[reader.name, format][0]}: {format}", file=sys.stderr)
-    page = "\n".join(table(rows))
-    print(page)
-    faults = [
-        f"{name}: {format}: {fault}" for (name, format), (_, groups) in rows.items() for one in groups.values() for fault in one.faults
-    ]
-    print("\n".join(faults), file=sys.stderr)
-    if not arguments.print:
-        head, _, rest = PAGE.read_text(encoding="utf-8").partition("<!-- conformance -->\n")
-        _, end, foot = rest.partition("<!-- end of conformance -->")
-        PAGE.write_text(f"{head}<!-- conformance -->\n{page}\n{end}{foot}", encoding="utf-8")
+            version, groups = rows[reader.name, format]
+            new = [f"{reader.name}: {format}: {fault}" for one in groups.values() for fault in one.faults]
+            print(*rows_of(reader.name, format, version, groups), *new, sep="\n", flush=True)
+            faults += new
+            if not arguments.print:  # after each reader, because the study takes long
+                page = "\n".join(table(rows, before))
+                PAGE.write_text(f"{head}<!-- conformance -->\n{page}\n{end}{foot}", encoding="utf-8")
     return 1 if faults else 0
 
 
@@ -319,23 +318,31 @@ def judged(reader: Reader, folder: Path, asked: Sequence[tuple[str, Question]]) 
     return read["version"], groups
 
 
-def table(rows: Mapping[tuple[str, str], tuple[str, dict[str, Judged]]]) -> Iterator[str]:
-    """Yield the lines of the table, with one row for each reader, format and group. A row contains the largest differences."""
+def table(rows: Mapping[tuple[str, str], tuple[str, dict[str, Judged]]], before: str) -> Iterator[str]:
+    """Yield the lines of the table, and the notes. Rows of other readers are copied from the table `before`."""
+    known: dict[tuple[str, str], list[str]] = {}
+    for line in before.splitlines():
+        if line.startswith("| "):
+            name, format = line[2:].split(" | ")[:2]
+            known.setdefault((name.partition(" ")[0], format), []).append(line)
     yield "| reader | reads | robots | files | " + " | ".join(WORDS.values()) + " | |"
     yield "|---" * (len(WORDS) + 5) + "|"
-    for (name, format), (version, groups) in rows.items():
-        if not groups:
-            yield f"| {name} | {format} | {version} |" + " |" * (len(WORDS) + 2)
-        for group, one in groups.items():
-            cells = [f"{one.worst[key]:.0e}" if key in one.worst else "-" for key in WORDS]
-            state = [f"{len(one.faults)} differ" if one.faults else "no differences" if one.refused < one.files else ""]
-            state += [f"not supported: {one.refused} ({one.refusal})"] if one.refused else []
-            yield f"| {name} {version} | {format} | {group} | {one.files} | " + " | ".join(cells) + f" | {', '.join(filter(None, state))} |"
+    for key in ((reader.name, format) for reader in READERS for format in reader.formats):
+        yield from rows_of(*key, *rows[key]) if key in rows else known.get(key, ())
     yield ""
-    for reader in READERS:
-        if any(name == reader.name for name, _ in rows):
-            yield f"- {reader.name}: {reader.note}"
+    yield from (f"- {reader.name}: {reader.note}" for reader in READERS)
     yield f"- The package was not tested with {NOT_RUN}."
+
+
+def rows_of(name: str, format: str, version: str, groups: Mapping[str, Judged]) -> Iterator[str]:
+    """Yield a row for each group of robots, with the largest differences."""
+    if not groups:
+        yield f"| {name} | {format} | {version} |" + " |" * (len(WORDS) + 2)
+    for group, one in groups.items():
+        cells = [f"{one.worst[key]:.0e}" if key in one.worst else "-" for key in WORDS]
+        state = [f"{len(one.faults)} differ" if one.faults else "no differences" if one.refused < one.files else ""]
+        state += [f"not supported: {one.refused} ({one.refusal})"] if one.refused else []
+        yield f"| {name} {version} | {format} | {group} | {one.files} | " + " | ".join(cells) + f" | {', '.join(filter(None, state))} |"
 
 
 if __name__ == "__main__":

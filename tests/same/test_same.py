@@ -134,9 +134,9 @@ def test_equal_fingers_at_one_place_are_counted(here: Path, count: int, complete
 
 
 def test_coupling_resolves_symmetric_fingers(here: Path) -> None:
-    def coupled(name: str, leader: str, follower: str, multiplier: float) -> Path:
+    def coupled(name: str, leader: str, follower: str, multiplier: float, offset: float = 0.0) -> Path:
         path = gripper(here / name, "left", "right")
-        mimic = f'<mimic joint="j_{leader}" multiplier="{multiplier}"/></joint>'
+        mimic = f'<mimic joint="j_{leader}" multiplier="{multiplier}" offset="{offset}"/></joint>'
         head, _, tail = path.read_text().partition(f'<joint name="j_{follower}"')
         path.write_text(f'{head}<joint name="j_{follower}"{tail.replace("</joint>", mimic, 1)}')
         return path
@@ -145,7 +145,8 @@ def test_coupling_resolves_symmetric_fingers(here: Path) -> None:
     found = compare_mechanisms(one, other)
     assert found.same
     assert {one.one: one.other for one in found.joints} == {"j_left": "j_right", "j_right": "j_left"}
-    inverse = compare_mechanisms(one, mechanism(coupled("c.urdf", "right", "left", 2.0)))
+    shifted = mechanism(coupled("a.urdf", "left", "right", 0.5, 0.01))
+    inverse = compare_mechanisms(shifted, mechanism(coupled("c.urdf", "right", "left", 2.0, -0.02)))
     assert inverse.same and {one.one: one.other for one in inverse.joints} == {"j_left": "j_left", "j_right": "j_right"}
     changed = compare_mechanisms(one, mechanism(coupled("d.urdf", "right", "left", 2.0002)))
     assert [(one.what, one.one, one.other, one.old, one.new) for one in changed.differences] == [
@@ -509,7 +510,7 @@ def test_loop_may_be_cut_at_another_joint(here: Path, shared_store: str, capsys:
 
 def test_loop_hinge_is_two_connects_in_mjcf(here: Path, shared_store: str) -> None:
     """MuJoCo has no hinge that closes a loop. The connected points may be any two points of the axis."""
-    (here / "a.yaml").write_text(LOOP)
+    (here / "a.yaml").write_text(LOOP.replace("c: {xyz: 70 0 0 mm}", "c: {xyz: 70 0 0 mm, rpy: 0 0 30 deg}"))
     original = mechanism(here / "a.yaml")
     assert main(["build", "a.yaml", "--emit", "mjcf", "--store", shared_store]) == 0
     xml = (here / "build/four_bar/mjcf/four_bar_stand.xml").read_text()
