@@ -171,6 +171,7 @@ CHECKERS: tuple[Checker, ...] = (
         r"Mesh is not watertight.*_source\.": "Meshes of imported robots come from their source files.",
         "Joint limit ignored for ball joints": "Genesis does not support limits of ball joints.",
         "The model declares (torsional|rolling) friction": "By default, Genesis only simulates sliding friction.",
+        "The model declares the elliptic friction cone": "By default, Genesis uses a pyramidal friction cone.",
     }),
 )
 
