@@ -25,7 +25,7 @@ from thingc.geometry.key.part_code import PartCode
 from thingc.geometry.key.result_cache import CachedResult, Results
 from thingc.geometry.key.versions import versions_of
 from thingc.geometry.lock.lock import LOCK_FILE, Lock
-from thingc.geometry.lock.reader import LockFallback
+from thingc.geometry.lock.reader import LockAnswers
 from thingc.geometry.part_requests import Likely, PartRequest, PartRequests
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import (
@@ -110,7 +110,7 @@ class GeometryService:
         self._convex = ConvexAnswers(mesh_work, lambda: versions_of(["coacd", "manifold3d"], self.part_code.file_of, store))
         self._recent: dict[tuple[PartDefinition, tuple[int, ...]], tuple[PartRecord, str]] = {}
         self._expected: dict[str, CachedResult] = {}
-        self._locked = LockFallback(lock, workspace, self.part_code)
+        self._locked = LockAnswers(lock, workspace, self.part_code)
         self.unknown: list[str] = []
         self.reads: dict[str, dict[str, str]] = {}
         self.broken = self._locked.broken

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
@@ -33,11 +33,9 @@ class WithinSpec(Model):
     z: Interval | None = Field(default=None, examples=[[0, "120 mm"]])
     """Smallest and largest z coordinate."""
 
-    @model_validator(mode="after")
-    def _one(self) -> WithinSpec:
+    def _check_rules(self) -> None:
         if self.x is None and self.y is None and self.z is None:
             raise rule("`within` must bound at least one of `x`, `y` and `z`", "write, for example, `x: [-10 mm, 10 mm]`")
-        return self
 
 
 class CentreTest(Model):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pydantic import model_validator
-
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import MASS
@@ -33,10 +31,8 @@ class MassTest(Model):
     max: MassField | None = None
     """The largest mass allowed."""
 
-    @model_validator(mode="after")
-    def _bounds(self) -> MassTest:
+    def _check_rules(self) -> None:
         require_bounds(self.min, self.max, "mass", "max: 2.2 kg")
-        return self
 
 
 class MassCheck(OneLineRepr, FrozenStruct):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 
 from thingc.base.diagnostics import Code
 from thingc.base.frozen_struct import FrozenStruct
@@ -35,11 +35,9 @@ class AllowSpec(Model):
     reason: str = Field(examples=["the gripper closes on its stop"])
     """The reason why the contact is acceptable."""
 
-    @model_validator(mode="after")
-    def _check_reason(self) -> AllowSpec:
+    def _check_rules(self) -> None:
         if not self.reason.strip():
             raise rule("`reason` must not be empty", "explain why the two components may touch")
-        return self
 
 
 class NoCollisionTest(Model):
@@ -69,12 +67,10 @@ class NoCollisionTest(Model):
     allow: list[AllowSpec] = Field(default=[], examples=[[{"pair": ["finger_*", "palm"], "reason": "the gripper closes on its stop"}]])
     """Pairs of components that may touch or overlap, each with a reason."""
 
-    @model_validator(mode="after")
-    def _sweep(self) -> NoCollisionTest:
+    def _check_rules(self) -> None:
         for key in ("samples", "certify"):
             if getattr(self, key) and not self.joints:
                 raise rule(f"`{key}` needs `joints`", f"remove `{key}`, or add, for example, `joints: {{elbow: all}}`")
-        return self
 
 
 class AllowedContact(OneLineRepr, FrozenStruct):

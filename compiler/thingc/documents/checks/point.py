@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 
 from thingc.base.diagnostics import Code
 from thingc.base.frozen_struct import FrozenStruct
@@ -46,11 +46,9 @@ class PointTest(Model):
     angle: AngleField | None = None
     """The largest allowed angle between the z axis of the mount and `direction`; default: 1 deg."""
 
-    @model_validator(mode="after")
-    def _angle(self) -> PointTest:
+    def _check_rules(self) -> None:
         if self.angle is not None and self.direction is None:
             raise rule("`angle` needs a `direction`", "write, for example, `direction: [0, 0, -1]`")
-        return self
 
 
 class PointCheck(OneLineRepr, FrozenStruct):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
@@ -32,10 +32,8 @@ class ReachTest(Model):
     max: LengthField | None = None
     """Upper bound of the greatest distance. The distance is measured by a search, which can miss greater distances."""
 
-    @model_validator(mode="after")
-    def _bounds(self) -> ReachTest:
+    def _check_rules(self) -> None:
         require_bounds(self.min, self.max, "reach", "min: 300 mm")
-        return self
 
 
 class ReachCheck(OneLineRepr, FrozenStruct):

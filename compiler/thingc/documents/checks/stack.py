@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from thingc.base.diagnostics import Code
 from thingc.base.frozen_struct import FrozenStruct
@@ -45,13 +45,11 @@ class StackTest(Model):
         description="The smallest share of robots whose deviation is at most `within`. Each tolerance is three standard deviations.",
     )
 
-    @model_validator(mode="after")
-    def _bounds(self) -> StackTest:
+    def _check_rules(self) -> None:
         if (self.within is None) != (self.yield_ is None):
             raise rule("`within` and `yield` must be used together", "write, for example, `within: 0.5 mm` and `yield: 99 %`")
         if self.worst is None and self.rss is None and self.within is None:
             raise rule("a `stack` test needs `worst`, `rss`, or `within` and `yield`", "write, for example, `rss: 0.5 mm`")
-        return self
 
 
 class StackCheck(OneLineRepr, FrozenStruct):

@@ -98,12 +98,8 @@ class NameReader:
                 yield from self._document(self.document(self.own, text) or self.find_packaged(text), text)
             case "part":
                 yield from self._part(text)
-            case _:
-                yield from self._inside(base, what, text, path, index) if base is not None else ()
-
-    def _inside(self, base: DocumentNames, what: ReferenceKind, text: str, path: Path, index: str) -> Iterator[Hit]:
-        """Yield the names in the assembly `base` to which a string refers, depending on the kind of reference `what`."""
-        match what:
+            case _ if base is None:
+                return
             case "expression":
                 yield from self.expression(base, text, path, index)
             case "rule":
@@ -141,8 +137,6 @@ class NameReader:
             case "parameter of a part":
                 if (thing := self.thing(base, str(path[1]))) is not None:
                     yield 0, len(text), thing.parameter(text), "used"
-            case "assembly document" | "materials document" | "part":
-                return
 
     def find_pose_names(self, base: DocumentNames, text: str, path: Path, index: str) -> Iterator[Hit]:
         """Yield the names to which the key of a pose at `path` refers: a joint, or a nested assembly."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, Union
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 from pydantic_core import PydanticCustomError
 
 from thingc.base.joints.kinds import JointType
@@ -300,8 +300,7 @@ class ComponentSpec(ComponentDefaults):
     allow: Allow = allow()
     """Suppressed warnings of this component, by code, each with a reason."""
 
-    @model_validator(mode="after")
-    def _one_kind(self) -> ComponentSpec:
+    def _check_rules(self) -> None:
         kinds = given_keys(self, KINDS)
         if not kinds:
             raise rule("a component needs one of `part`, `file`, `assembly`, `link: true` or `frame: true`",
@@ -341,7 +340,6 @@ class ComponentSpec(ComponentDefaults):
             raise rule(f"`attach` must contain one mate `{{my_mount: other.mount}}`, found {len(self.attach)}",
                         "use only one mate, which places the component completely" if self.attach
                         else "write, for example, `{back: plate.servo_seat}`", "attach")
-        return self
 
 
 class LimitSpec(Model):
@@ -377,14 +375,12 @@ class MimicSpec(Model):
     )
     """Coefficients of a polynomial in q(joint), in ascending order up to at most the fourth power; replaces `multiplier` and `offset`."""
 
-    @model_validator(mode="after")
-    def _once(self) -> MimicSpec:
+    def _check_rules(self) -> None:
         for key in ("multiplier", "offset"):
             if self.polynomial is not None and key in self.model_fields_set:
                 raise rule(
                     f"`polynomial` cannot be combined with `{key}`", f"remove `{key}`: use `polynomial[{int(key == 'multiplier')}]`", key,
                 )
-        return self
 
 
 class JointDefaults(Model):
@@ -447,13 +443,11 @@ class DefaultsSpec(Model):
     joint: JointDefaults | None = Field(default=None, examples=[{"dynamics": {"damping": "0.02 N*m*s/rad"}}])
     """Defaults of joints."""
 
-    @model_validator(mode="after")
-    def _no_shapes(self) -> DefaultsSpec:
+    def _check_rules(self) -> None:
         said = self.component.collision if self.component is not None else None
         choices = (said, *said.by_target.values()) if isinstance(said, CollisionSpec) else ()
         if any(choice.shapes for choice in choices if not isinstance(choice, str)):
             raise rule("`shapes` cannot be a default, because they are in the frame of one part", "list the shapes at the component")
-        return self
 
 
 class TurnSpec(Model):
@@ -468,11 +462,9 @@ class TurnSpec(Model):
     quat: Annotated[list[NumberField], Field(min_length=4, max_length=4)] | None = Field(default=None, examples=[[0.966, 0.259, 0, 0]])
     """The quaternion w, x, y, z, as in MJCF, of any length except 0."""
 
-    @model_validator(mode="after")
-    def _one(self) -> TurnSpec:
+    def _check_rules(self) -> None:
         if (self.rpy is None) == (self.quat is None) and not (self.rpy is None and self.xyz is not None):
             raise rule("the rotation of a ball must be either `rpy` or `quat`", "write, for example, `{rpy: 0 20 0 deg}`")
-        return self
 
 
 class DetailSpec(Model):

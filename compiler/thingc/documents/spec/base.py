@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 from pydantic_core import PydanticCustomError
@@ -18,6 +19,13 @@ class Model(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+
+    def model_post_init(self, context: Any) -> None:
+        """Check the rules of the model after its fields have been validated."""
+        self._check_rules()
+
+    def _check_rules(self) -> None:
+        """Raise a validation error if the fields violate a common rule. Models with such rules override this method."""
 
 
 def rule(message: str, help: Hint = "", key: str | None = None) -> PydanticCustomError:

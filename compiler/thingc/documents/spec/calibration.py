@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 
 from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.documents.expressions.evaluation import evaluate
@@ -73,13 +73,8 @@ class MotorSpec(Model):
     range: Annotated[list[EncoderValue], Field(min_length=2, max_length=2)] | None = Field(default=None, examples=[[884, 3320]])
     """The measured smallest and largest encoder value; default: from the limits of the joint."""
 
-    @model_validator(mode="after")
-    def _one_scale(self) -> MotorSpec:
+    def _check_rules(self) -> None:
         require_either(self, "ticks_per_turn", "resolution", "a motor", "write, for example, `ticks_per_turn: 4096`")
-        return self
-
-    @model_validator(mode="after")
-    def _encoder_values(self) -> MotorSpec:
         count, ends, wrong = self.ticks_per_turn, self.range or [], []
         if ends and ends[0] >= ends[1]:
             help = "write the smallest encoder value first"
@@ -90,7 +85,6 @@ class MotorSpec(Model):
             for key, value in values if count is not None and not 0 <= value < count
         ]
         raise_all(wrong)
-        return self
 
 
 class CalibrationSpec(Model):
@@ -103,12 +97,10 @@ class CalibrationSpec(Model):
     joints: dict[JointPattern, MotorSpec] = Field(examples=[{"elbow": {"id": 3, "offset": 2047, "sign": -1, "ticks_per_turn": 4096}}])
     """The motor of each joint, by the name of the joint in the robot."""
 
-    @model_validator(mode="after")
-    def _different_ids(self) -> CalibrationSpec:
+    def _check_rules(self) -> None:
         first: dict[int, str] = {}
         help = "give each motor of the bus its own identifier"
         raise_all([
             within(rule(f"joints `{first[motor.id]}` and `{name}` have the same motor `id: {motor.id}`", help), ("joints", name, "id"))
             for name, motor in self.joints.items() if first.setdefault(motor.id, name) != name
         ])
-        return self

@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any
+from typing import Annotated
 
 from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import CostField, FieldValidator, LinkField, describe, fault
+from thingc.documents.spec.fields import CostField, LinkField, text_field
 
-
-def _quantity(value: Any) -> str:
-    """Validate a number of pieces: a positive whole number, as text. The string is returned unchanged."""
-    if isinstance(value, str) and re.fullmatch(r"[1-9][0-9]{0,8}", value):
-        return value
-    raise fault("type", f"expected a positive whole number, found {describe(value)}", help="write, for example, `10`")
-
-
-_QUANTITY_SCHEMA = {"type": "string", "pattern": "^[1-9][0-9]{0,8}$", "description": "A number of pieces.", "examples": ["10"]}
-QuantityText = Annotated[str, FieldValidator(_quantity, "a positive whole number", _QUANTITY_SCHEMA)]
+_PIECES = "[1-9][0-9]{0,8}"
+_QUANTITY_SCHEMA = {"pattern": f"^{_PIECES}$", "description": "A number of pieces.", "examples": ["10"]}
+QuantityText = Annotated[str, text_field(re.compile(_PIECES).fullmatch, "a positive whole number", "10", _QUANTITY_SCHEMA)]
 
 
 class CatalogRow(Model):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import ConfigDict, Field, ValidationInfo, field_validator
 from pydantic_core import PydanticKnownError
 
 from thingc.documents.spec import fields
@@ -80,8 +80,7 @@ class DriveSpec(Model):
             raise PydanticKnownError("missing")
         return kind
 
-    @model_validator(mode="after")
-    def _gain(self) -> DriveSpec:
+    def _check_rules(self) -> None:
         for key in UNUSED.get(self.kind or "", ()) if self.component is not None else ():
             if getattr(self, key) is not None:
                 raise rule(f"a {self.kind} drive cannot have `{key}`", f"remove `{key}`", key)
@@ -90,4 +89,3 @@ class DriveSpec(Model):
                 raise rule(f"`{key}` needs a `kind`, which determines its unit", "write, for example, `kind: position`", key)
         if self.kind == "position" and self.kp is None and self.component is None:
             raise rule("a position drive needs `kp`", "write, for example, `kp: 20 N*m/rad`")
-        return self

@@ -63,6 +63,22 @@ class FieldValidator:
         return {"pydantic_js_functions": [describe]}
 
 
+def text_field(
+    is_valid: Callable[[str], object], expected: str, example: str, schema: Mapping[str, Any], *, words: str = "",
+) -> FieldValidator:
+    """Return a validator for strings for which `is_valid` returns a true value. The string is not changed.
+
+    `expected` and `example` describe the string in messages. `words` is the description of the field, by default `expected`.
+    """
+
+    def validate(value: Any) -> str:
+        if isinstance(value, str) and is_valid(value):
+            return value
+        raise fault("type", f"expected {expected}, found {describe(value)}", help=f"write, for example, `{example}`")
+
+    return FieldValidator(validate, words or expected, {"type": "string", **schema})
+
+
 def fault(kind: str, message: Hint, *, help: Hint | None = None, offset: int | None = None, end: int | None = None) -> PydanticCustomError:
     """Create a pydantic validation error from a message and a help text.
 
@@ -417,13 +433,7 @@ def _cost(value: Any) -> str:
     )
 
 
-def _link(value: Any) -> str:
-    """Validate the address of a web page. The string is returned unchanged."""
-    if isinstance(value, str) and re.fullmatch(r"https?://[^\s\"<>]+", value):
-        return value
-    raise fault("type", f"expected a web address, found {describe(value)}", help="write, for example, `https://www.example.com/xm430`")
-
-
+_LINK = re.compile(r"https?://[^\s\"<>]+")
 _ANY_SCHEMA = {
     "description": "A quantity with its unit, a number, an expression such as `=reach / 2`, a boolean or a string.",
     "examples": ["120 mm", 6, "=reach / 2", True],
@@ -455,9 +465,7 @@ _NUMBER_SCHEMA = {
 _COST_SCHEMA = {
     "type": "string", "pattern": r"^\d+(\.\d+)? [A-Z]{3}$", "description": "An amount and a currency.", "examples": ["12.50 EUR"],
 }
-_LINK_SCHEMA = {
-    "type": "string", "pattern": "^https?://", "description": "A web address.", "examples": ["https://www.example.com/xm430"],
-}
+_LINK_SCHEMA = {"pattern": "^https?://", "description": "A web address.", "examples": ["https://www.example.com/xm430"]}
 _JOINT_SCHEMA = {
     "description": "An angle (`30 deg`) or a length (`20 mm`), an expression, or the name of a nested document's pose.",
     "examples": ["30 deg", "20 mm", "=open / 2", "folded"],
@@ -475,6 +483,6 @@ Index = Annotated[str, FieldValidator(_index, "the index of a coordinate", _INDE
 ReferenceField = Annotated[str, FieldValidator(_reference, "a reference", _REFERENCE_SCHEMA)]
 ColorField = Annotated[str, FieldValidator(_color, "a colour", _COLOR_SCHEMA)]
 CostField = Annotated[str, FieldValidator(_cost, "an amount and a currency", _COST_SCHEMA)]
-LinkField = Annotated[str, FieldValidator(_link, "a web address", _LINK_SCHEMA)]
+LinkField = Annotated[str, text_field(_LINK.fullmatch, "a web address", "https://www.example.com/xm430", _LINK_SCHEMA)]
 CountField = Annotated[Union[int, Expression], FieldValidator(_count, "a whole number", _COUNT_SCHEMA)]
 NumberField = Annotated[Value, FieldValidator(_number, "a number", _NUMBER_SCHEMA)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 
 from thingc.documents.spec.base import Model, require_with, rule
 from thingc.documents.spec.fields import AngleField, CountField, LengthField
@@ -86,10 +86,8 @@ class InterfaceSpec(Model):
     counterpart: str | None = Field(default=None, min_length=1, examples=["B2B-PH-K"])
     """Name of the connector that it meets; default: the same name."""
 
-    @model_validator(mode="after")
-    def _needs(self) -> InterfaceSpec:
+    def _check_rules(self) -> None:
         if not self.model_fields_set:
             raise rule("an interface must have at least one feature", "write, for example, `bolts: {thread: M3, count: 4, circle: 20 mm}`")
         for key in ("side", "counterpart"):
             require_with(self, key, "connector", "add `connector` with the name of the connector")
-        return self

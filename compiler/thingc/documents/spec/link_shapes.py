@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT
 from thingc.documents.spec.base import Model, given_keys, require_one, require_with, rule
@@ -95,8 +95,7 @@ class ContactShapeSpec(Model):
         """The kind of the shape, one of `KINDS`."""
         return next(kind for kind in KINDS if getattr(self, kind) is not None)
 
-    @model_validator(mode="after")
-    def _one_kind(self) -> ContactShapeSpec:
+    def _check_rules(self) -> None:
         help = "write each shape as a separate item: `- {...}`" if given_keys(self, KINDS) else "write, for example, `box: 40 40 20 mm`"
         require_one(self, KINDS, "a shape", help)
         for key in OF_MESHES:
@@ -104,7 +103,6 @@ class ContactShapeSpec(Model):
             require_with(self, key, "mesh", f"remove `{key}`: {why}")
         if self.unit is not None and self.mesh is not None and self.mesh.lower().endswith(SUFFIXES_WITH_UNIT):
             raise rule(f"`{self.mesh}` specifies its unit, as all COLLADA and glTF files do", "remove `unit`; `scale` is allowed", "unit")
-        return self
 
 
 class ShapeSpec(ContactShapeSpec):
@@ -116,11 +114,10 @@ class ShapeSpec(ContactShapeSpec):
     color: ColorField | None = None
     """The colour of the shape; default: the colour of its material."""
 
-    @model_validator(mode="after")
-    def _touches(self) -> ShapeSpec:
+    def _check_rules(self) -> None:
+        super()._check_rules()
         if self.decompose is not None and self.for_ == "visual":
             raise rule("`decompose` can only be used with a shape for collisions", "remove `decompose`, or `for: visual`", "decompose")
-        return self
 
 
 class ChoiceSpec(Model):
@@ -133,12 +130,10 @@ class ChoiceSpec(Model):
     decompose: DecomposeSpec | None = Field(default=None, examples=[{"pieces": 8}])
     """Decomposes the part into convex pieces."""
 
-    @model_validator(mode="after")
-    def _one_form(self) -> ChoiceSpec:
+    def _check_rules(self) -> None:
         known = [key for key in ("kind", "shapes", "decompose") if key in type(self).model_fields]
         if given_keys(self, known) or not getattr(self, "targets", None):
             require_one(self, known, "collision shapes", "write, for example, `collision: {shapes: [{box: 40 20 10 mm}]}`")
-        return self
 
 
 class TargetChoicesSpec(Model):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from thingc.base.joints.kinds import BaseType
 from thingc.documents.spec.allowances import Allow, allow
@@ -83,8 +83,8 @@ class HoldSpec(PoseSpec):
     carries: Literal["force", "force and torque"] = "force and torque"
     """With `force`, the link can rotate about the held point. With `force and torque`, the link is clamped."""
 
-    @model_validator(mode="after")
-    def _one_place(self) -> HoldSpec:
+    def _check_rules(self) -> None:
+        super()._check_rules()
         placed = [key for key in ("xyz", "rpy", "quat") if key in self.model_fields_set]
         if self.at is not None and placed:
             raise rule(f"a hold cannot have both `at` and `{placed[0]}`", f"remove `at` or `{placed[0]}`", placed[0])
@@ -93,7 +93,6 @@ class HoldSpec(PoseSpec):
         if self.carries == "force" and placed[-1:] in (["rpy"], ["quat"]):
             key = placed[-1]
             raise rule(f"a hold with `carries: force` fixes only a point, so `{key}` has no effect", f"remove `{key}`", key)
-        return self
 
 
 class StandingSpec(Model):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 
 from thingc.documents.spec.base import Model, rule
 from thingc.documents.spec.fields import NumberField, Vector3Angle, Vector3Length
@@ -22,8 +22,6 @@ class PoseSpec(Model):
     quat: Annotated[list[NumberField], Field(min_length=4, max_length=4)] | None = Field(default=None, examples=[[0.5, 0.5, 0.5, 0.5]])
     """Instead of `rpy`, the unit quaternion w, x, y, z, as in MJCF."""
 
-    @model_validator(mode="after")
-    def _one_orientation(self) -> PoseSpec:
+    def _check_rules(self) -> None:
         if self.quat is not None and "rpy" in self.model_fields_set:
             raise rule("an orientation cannot have both `rpy` and `quat`", "remove `rpy` or `quat`", "quat")
-        return self

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 
 from thingc.base.primitives import PrimitiveShape
 from thingc.base.sensor_kinds import SENSORS, ReadingName, SensorKey, SensorType
@@ -48,10 +48,8 @@ class VolumeSpec(Model):
         """The kind of the volume, one of `VOLUMES`."""
         return next(kind for kind in VOLUMES if getattr(self, kind) is not None)
 
-    @model_validator(mode="after")
-    def _one_kind(self) -> VolumeSpec:
+    def _check_rules(self) -> None:
         require_one(self, VOLUMES, "a volume", "write only one of these keys")
-        return self
 
 
 def _rules(schema: dict[str, Any]) -> None:
@@ -105,8 +103,7 @@ class SensorSpec(Model):
         """Return the value of a key of the sensor. Return None if the document does not contain the key."""
         return getattr(self, f"{key}_" if key in ("in", "with") else key)
 
-    @model_validator(mode="after")
-    def _keys(self) -> SensorSpec:
+    def _check_rules(self) -> None:
         kind = SENSORS[self.type]
         for key in _KEYS:
             if self.value_of(key) is not None and key not in kind.keys:
@@ -119,7 +116,6 @@ class SensorSpec(Model):
                 here = "found both" if written else "found none"
                 help = "keep only one of the two keys" if written else f"write, for example, `{_EXAMPLES[group[0]]}`"
                 raise rule(f"a sensor of type `{self.type}` needs {wanted}, {here}", help)
-        return self
 
 
 _KEYS: tuple[SensorKey, ...] = ("at", "in", "joint", "tendon", "of", "with", "volume", "range", "fovy", "noise", "cutoff")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 
 from thingc.documents.spec.base import Model, require_either, require_with
 from thingc.documents.spec.drives import DriveSpec, DynamicsSpec
@@ -35,10 +35,8 @@ class AroundSpec(Model):
     side: ShownMountField | None = None
     """A mount outside the sphere or cylinder, on the same link. The tendon passes on the side of this mount; default: the shorter side."""
 
-    @model_validator(mode="after")
-    def _one_shape(self) -> AroundSpec:
+    def _check_rules(self) -> None:
         require_either(self, "sphere", "cylinder", "`around`", "write, for example, `cylinder: 12 mm`, its radius")
-        return self
 
 
 class PulleySpec(Model):
@@ -75,8 +73,6 @@ class TendonSpec(Model):
     drive: DriveSpec | None = Field(default=None, examples=[{"kind": "motor", "effort": "40 N"}])
     """The drive of the tendon."""
 
-    @model_validator(mode="after")
-    def _one_way(self) -> TendonSpec:
+    def _check_rules(self) -> None:
         require_either(self, "joints", "path", "a tendon", "write, for example, `path: [arm.hook, hand.hook]`")
         require_with(self, "width", "path", "remove `width`: a tendon over joints has no path in space")
-        return self

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pydantic import ConfigDict, Field, create_model, model_validator
+from pydantic import ConfigDict, Field, create_model
 
 from thingc.documents.checks import kinds
 from thingc.documents.spec.base import Model, rule
@@ -28,15 +28,13 @@ class _OneKind(Model):
         """The specification of the test, which is the value of the only key of the mapping."""
         return getattr(self, self.kind)
 
-    @model_validator(mode="after")
-    def _one_kind(self) -> _OneKind:
+    def _check_rules(self) -> None:
         written = [kind for kind in kinds() if getattr(self, kind) is not None]
         if not written:
             raise rule("a test needs a kind", "write, for example, `{mass: {max: 2.2 kg}}`")
         if len(written) > 1:
             named = " and ".join(f"`{kind}`" for kind in written)
             raise rule(f"a test must have exactly one kind, found {named}", "split it into two tests with different names")
-        return self
 
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 
 from thingc.documents.spec.base import Model, given_keys, rule
 from thingc.documents.spec.drives import DriveSpec
@@ -38,8 +38,7 @@ class DifferentialSpec(Model):
     matrix: Annotated[list[list[MultiplierField]], Field(min_length=2, max_length=MAX_COUPLED)] = Field(examples=[[[1, 1], [1, -1]]])
     """A row for each actuator: its revolutions per revolution of each joint."""
 
-    @model_validator(mode="after")
-    def _equal_counts(self) -> DifferentialSpec:
+    def _check_rules(self) -> None:
         count = len(self.actuators)
         if len(self.joints) != count:
             raise rule(f"a differential needs as many joints as actuators, found {count} actuators and {len(self.joints)} joints",
@@ -47,7 +46,6 @@ class DifferentialSpec(Model):
         if len(self.matrix) != count or any(len(row) != count for row in self.matrix):
             raise rule(f"`matrix` must have {count} rows with {count} numbers each: a row for each actuator, a column for each joint",
                        "write, for example, `[[1, 1], [1, -1]]`", "matrix")
-        return self
 
 
 class TransmissionSpec(Model):
@@ -79,12 +77,10 @@ class TransmissionSpec(Model):
     repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}])
     """Repeats the entry as `name_0`, `name_1` and so on."""
 
-    @model_validator(mode="after")
-    def _one_way(self) -> TransmissionSpec:
+    def _check_rules(self) -> None:
         missing = [f"`{key}`" for key in SIMPLE if getattr(self, key) is None]
         if self.differential is not None:
             for key in given_keys(self, (*SIMPLE, "backlash")):
                 raise rule(f"a transmission with `differential` cannot have `{key}`", f"remove `{key}`", key)
         elif missing:
             raise rule(f"a transmission needs {' and '.join(missing)}", "write, for example, `{actuator: motor, joint: knee, ratio: 9}`")
-        return self

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from thingc.base.units import shorten
 from thingc.documents.expressions.parsing import parse_expression
@@ -161,10 +161,8 @@ class VariantsSpec(Model):
     than 2000 variants.
     """
 
-    @model_validator(mode="after")
-    def _one_source(self) -> VariantsSpec:
+    def _check_rules(self) -> None:
         both = [name for name in (self.sample.ranges if self.sample is not None else {}) if name in self.parameters]
         if both:
             help = f"remove `{both[0]}` from `parameters` or from `sample`"
             raise rule(f"`{both[0]}` is set under `parameters` and drawn under `sample`", help, "parameters")
-        return self

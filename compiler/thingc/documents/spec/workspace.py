@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from thingc.base.package_info import MAINTAINER, MEMORY, VERSION, one_line
 from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import AngleField, FieldValidator, LengthField, TimeField, describe, fault
+from thingc.documents.spec.fields import AngleField, LengthField, TimeField, text_field
 
 
 class SimulationMeshSpec(Model):
@@ -32,41 +32,20 @@ class MeshSpec(Model):
     """Tolerances for the visual and collision meshes of simulators."""
 
 
-def _maintainer(value: Any) -> str:
-    if not isinstance(value, str):
-        raise fault("type", f"expected a name and a mail address, found {describe(value)}", help=_MAINTAINER_HINT)
-    person = re.fullmatch(MAINTAINER, value)
-    if person is None or not one_line(person[1]):
-        raise fault("type", f"expected a name and a mail address in `<>`, found {describe(value)}", help=_MAINTAINER_HINT)
-    return value
+def _is_maintainer(text: str) -> bool:
+    person = re.fullmatch(MAINTAINER, text)
+    return person is not None and one_line(person[1])
 
 
-def _license(value: Any) -> str:
-    if not isinstance(value, str) or not one_line(value):
-        raise fault("type", f"expected a license on one line, found {describe(value)}", help="write, for example, `Apache-2.0`")
-    return value
-
-
-def _version(value: Any) -> str:
-    if not isinstance(value, str) or re.fullmatch(VERSION, value) is None:
-        raise fault(
-            "type", f"expected three whole numbers separated by dots, found {describe(value)}", help='write, for example, `"1.0.0"`',
-        )
-    return value
-
-
-def _memory(value: Any) -> str:
-    if not isinstance(value, str) or re.fullmatch(MEMORY, value) is None:
-        raise fault("type", f"expected an amount of memory, found {describe(value)}", help="write, for example, `4 GB`")
-    return value
-
-
-_MAINTAINER_HINT = "write, for example, `Ada Lovelace <ada@example.org>`"
-
-MemoryField = Annotated[str, FieldValidator(_memory, "an amount of memory", {"type": "string", "pattern": f"^{MEMORY}$"})]
-MaintainerField = Annotated[str, FieldValidator(_maintainer, "a name and a mail address", {"type": "string", "pattern": f"^{MAINTAINER}$"})]
-LicenseField = Annotated[str, FieldValidator(_license, "a license", {"type": "string", "pattern": r"\S"})]
-VersionField = Annotated[str, FieldValidator(_version, "a version", {"type": "string", "pattern": f"^{VERSION}$"})]
+MemoryField = Annotated[str, text_field(re.compile(MEMORY).fullmatch, "an amount of memory", "4 GB", {"pattern": f"^{MEMORY}$"})]
+MaintainerField = Annotated[str, text_field(
+    _is_maintainer, "a name and a mail address in `<>`", "Ada Lovelace <ada@example.org>", {"pattern": f"^{MAINTAINER}$"},
+    words="a name and a mail address",
+)]
+LicenseField = Annotated[str, text_field(one_line, "a license on one line", "Apache-2.0", {"pattern": r"\S"}, words="a license")]
+VersionField = Annotated[str, text_field(
+    re.compile(VERSION).fullmatch, "three whole numbers separated by dots", '"1.0.0"', {"pattern": f"^{VERSION}$"}, words="a version",
+)]
 
 
 class AboutSpec(Model):

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
 
 LOCK_FILE = "parts.lock.json"
-VERSION = "lock/1"
+VERSION: Literal["lock/1"] = "lock/1"
 MAX_BYTES = 10_000_000
 REMAKE = "run `thingc lock` on a machine that may run part code, and commit `parts.lock.json`"
 """The help text for all errors in lock files."""
@@ -101,6 +101,10 @@ class Lock(FrozenStruct):
         thing = self.things.get(reference)
         for text, values in (thing.records if thing is not None else {}).items():
             yield read_record(text, values, f"things.{reference}.records.{text}", code)
+
+
+NO_LOCK = Lock(thingc=VERSION)
+"""The lock of a workspace without a lock file."""
 
 
 def lock_path(workspace: Workspace) -> str:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import cached_property
 from typing import Any, TypeVar
 
 from msgspec.structs import replace
@@ -17,7 +18,7 @@ from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.modules import Module
 from thingc.geometry.key.part_code import PartCode
 from thingc.geometry.lock.json_format import CONTINUOUS, BadLock
-from thingc.geometry.lock.lock import LOCK_FILE, Lock, code_hash, lock_path
+from thingc.geometry.lock.lock import LOCK_FILE, NO_LOCK, Lock, code_hash, lock_path
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import NO_PIECES, ActuatorRecord, Mesh, PartDefinition, PartFailure, PartRecord, PartSchema, WantedPieces
 from thingc.geometry.store.slice_cache import lacking
@@ -33,21 +34,35 @@ _T = TypeVar("_T")
 
 
 class LockAnswers:
-    """Looks up schemas and records of parts in a lock file.
+    """Looks up schemas and records of parts in the lock file of a workspace, which the function `read` reads when it is first needed.
 
     An entry is used only if it matches the current code and files of the part. `consulted` contains the absolute paths of the files that
     were read. Errors in the lock file are added to `broken`, and the entry with the error counts as missing.
     """
 
-    def __init__(self, lock: Lock, workspace: Workspace, parts: PartCode, broken: list[BadLock]) -> None:
-        self.lock = lock
-        self.broken = broken
+    def __init__(self, read: Callable[[], Lock | None] | None, workspace: Workspace, parts: PartCode) -> None:
+        self.broken: list[BadLock] = []
         self.workspace = workspace
-        self.consulted: set[str] = {lock.file}
+        self.consulted: set[str] = set()
+        self._read = read
         self._parts = parts
         self._states: dict[tuple[str, bool], str] = {}
         self._bytes = 0
         self._current: dict[str, bool] = {}
+
+    @cached_property
+    def lock(self) -> Lock:
+        """The lock file. If the workspace has no valid lock file, the lock is empty."""
+        lock = self._read() if self._read is not None else None
+        if lock is None:
+            return NO_LOCK
+        self.consulted.add(lock.file)
+        return lock
+
+    @property
+    def there(self) -> bool:
+        """Whether a lock file exists and may be used."""
+        return self._read is not None and os.path.lexists(lock_path(self.workspace))
 
     def current(self, reference: str) -> bool:
         """Return whether the lock file matches the current code of `module:Class` and the current state of the files that this code
@@ -144,47 +159,6 @@ class LockAnswers:
             return None
 
 
-class LockFallback:
-    """A lock file as the source of parts that are not in the store.
-
-    The lock file is read when it is first needed. `broken` collects the errors of the lock file.
-    """
-
-    def __init__(self, lock: Callable[[], Lock | None] | None, workspace: Workspace, parts: PartCode) -> None:
-        self.broken: list[BadLock] = []
-        self._lock = lock
-        self._workspace = workspace
-        self._parts = parts
-        self._answers: LockAnswers | None = None
-
-    @property
-    def there(self) -> bool:
-        """Whether a valid lock file exists."""
-        return self._answers is not None or self._lock is not None and os.path.lexists(lock_path(self._workspace))
-
-    @property
-    def consulted(self) -> set[str]:
-        """Absolute paths of the files on which the schemas and records from the lock file depend."""
-        return self._answers.consulted if self._answers is not None else set()
-
-    def schema(self, reference: str) -> PartSchema | None:
-        """Return the part schema of `module:Class`, or None if the lock file does not contain an up-to-date schema."""
-        answers = self._open_lock()
-        return answers.schema(reference) if answers is not None else None
-
-    def record(self, definition: PartDefinition) -> PartRecord | None:
-        """Return the record of a part definition, or None if the lock file does not contain an up-to-date record."""
-        answers = self._open_lock()
-        return answers.record(definition) if answers is not None else None
-
-    def _open_lock(self) -> LockAnswers | None:
-        read, self._lock = self._lock, None
-        lock = read() if read is not None else None
-        if lock is not None:
-            self._answers = LockAnswers(lock, self._workspace, self._parts, self.broken)
-        return self._answers
-
-
 def hash_of(reference: str, code: CodeIngredients | None, parts: PartCode) -> str:
     """Compute `code_hash` for a part of the workspace or of an installed package."""
     package = reference.partition(":")[0].partition(".")[0]
@@ -204,14 +178,15 @@ class LockOnlyGeometry:
         self.workspace = workspace
         self.decisions: Mapping[str, BuildReason] = {}
         self.unknown: list[str] = []
-        self.broken: list[BadLock] = []
+        self._lock = lock
         self._parts = PartCode(workspace, None)
-        self._answers = LockAnswers(lock, workspace, self._parts, self.broken) if lock is not None else None
+        self._answers = LockAnswers(lambda: lock, workspace, self._parts)
+        self.broken = self._answers.broken
 
     @property
     def inputs(self) -> frozenset[str]:
         """Absolute paths of the files on which the schemas and records from the lock file depend."""
-        return frozenset(self._parts.probed | (self._answers.consulted if self._answers is not None else set()))
+        return frozenset(self._parts.probed | self._answers.consulted | ({self._lock.file} if self._lock is not None else set()))
 
     def anticipate(self) -> bool:
         """Do nothing and return False, because parts are never built."""
@@ -229,15 +204,15 @@ class LockOnlyGeometry:
         return {reference: answer for reference, answer in answers.items() if answer is not None}
 
     def _find_schema(self, reference: str) -> PartSchema | PartFailure | None:
-        code, answers = self._parts.code(reference), self._answers
+        code, lock, answers = self._parts.code(reference), self._lock, self._answers
         if isinstance(code, PartFailure):
             return code
-        if answers is None:
+        if lock is None:
             return None
         file, line = (code.place if code is not None else None) or (None, None)
-        thing = answers.lock.things.get(reference)
+        thing = lock.things.get(reference)
         if thing is None:
-            if reference in answers.lock.others:
+            if reference in lock.others:
                 return PartFailure(subject=reference, kind="invalid", message="this is not a part class", file=file, line=line)
             message = f"`{LOCK_FILE}` does not contain this part"
             return PartFailure(subject=reference, kind="unlocked", message=message, file=file, line=line)
@@ -264,17 +239,15 @@ class LockOnlyGeometry:
         known either, the definition is omitted.
         """
         records: dict[str, PartRecord | PartFailure] = {}
-        answers = self._answers
-        for definition in definitions if answers is not None else ():
-            assert answers is not None
+        for definition in definitions if self._lock is not None else ():
             before = len(self.broken)
-            record = answers.record(definition)
+            record = self._answers.record(definition)
             if record is None and definition.kind == "file":
-                records[definition.text] = _unlocked_file(definition, answers.lock)
+                records[definition.text] = _unlocked_file(definition, self._answers.lock)
                 continue
             if record is None and len(self.broken) == before:
                 self.unknown.append(definition.label)
-                record = answers.relative(definition)
+                record = self._answers.relative(definition)
             if record is not None:
                 records[definition.text] = record
         return records

@@ -45,35 +45,18 @@ _FACE, _NEXT = (re.compile(rb"^[ \t]*%s[ \t]" % word, re.MULTILINE) for word in 
 """Patterns that match lines of OBJ files: the line of a face, and the line at which an object or a group begins."""
 
 
-class _Beside(trimesh.resolvers.Resolver):
-    """Opens the files to which a mesh file refers.
+def _read_beside(file: MeshFile) -> Any:
+    """Return a resolver of trimesh that opens only the files that define the colours of the mesh, and whose digests are known.
 
-    Only files that define the colours of the mesh, and whose digests are known, can be opened.
+    Raises `BadMesh` if a file has changed.
     """
-
-    def __init__(self, file: MeshFile) -> None:
-        self._file = file
-
-    def get(self, name: str) -> bytes:
-        """Return the content of a file that the mesh file references.
-
-        Raises `KeyError` for a file that is not in `beside`, and `BadMesh` if the file has changed.
-        """
-        content = dict(self._file.beside)[name.strip()]
-        with open(os.path.join(self._file.folder, name.strip()), "rb") as stream:
-            data = stream.read(LARGEST)
-        if hashlib.sha256(data).hexdigest() != content:
-            raise BadMesh(f"takes its colours from `{name.strip()}`, which changed while it was read")
-        return data
-
-    def keys(self) -> list[str]:
-        return [name for name, _ in self._file.beside]
-
-    def namespaced(self, namespace: str) -> _Beside:
-        return self
-
-    def write(self, name: str, data: bytes) -> None:
-        raise OSError("mesh files are read-only")
+    contents: dict[str, bytes] = {}
+    for name, digest in file.beside:
+        with open(os.path.join(file.folder, name), "rb") as stream:
+            contents[name] = stream.read(LARGEST)
+        if hashlib.sha256(contents[name]).hexdigest() != digest:
+            raise BadMesh(f"takes its colours from `{name}`, which changed while it was read")
+    return trimesh.resolvers.ZipResolver(contents)
 
 
 def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
@@ -156,7 +139,7 @@ def _scene(file: MeshFile, data: bytes) -> Any:
     """
 
     def load(text: bytes, **options: Any) -> Any:
-        return trimesh.load_scene(io.BytesIO(text), file_type=file.suffix[1:], resolver=_Beside(file), process=False, **options)
+        return trimesh.load_scene(io.BytesIO(text), file_type=file.suffix[1:], resolver=_read_beside(file), process=False, **options)
 
     if file.suffix != ".dae":
         return load(data)

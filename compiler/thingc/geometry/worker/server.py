@@ -220,10 +220,7 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
         from thingc.geometry.worker.kernel.slicing import slice_stored
 
         return slice_stored(request["mesh"], convert(request["slicing"], Slicing), store)
-    around = RequestContext(
-        root=request["root"], parts=tuple(request["parts"]), packages=tuple(request["packages"]), hashes=dict(request["hashes"]),
-        plain=tuple(request["plain"]), store=request["store"], scratch=request["scratch"],
-    )
+    around = convert(request, RequestContext)
     if operation == "describe":
         from thingc.geometry.worker.part_schemas import describe
 
