@@ -154,8 +154,13 @@ class LockedSchema(FrozenStruct):
 
 def schema_values(schema: PartSchema) -> dict[str, Any]:
     """Convert a part schema to JSON values, the form of `LockedSchema`."""
-    locked = (convert(one, LockedParameter, from_attributes=True) for one in schema.parameters)
-    parameters = {one.name: replace(new, unit=UNITS.get(one.kind)) for one, new in zip(schema.parameters, locked, strict=True)}
+    parameters = {
+        one.name: LockedParameter(
+            kind=one.kind, unit=UNITS.get(one.kind), default=one.default, minimum=one.minimum, maximum=one.maximum, choices=one.choices,
+            doc=one.doc,
+        )
+        for one in schema.parameters
+    }
     return _json_values(LockedSchema(
         kind=schema.kind, doc=schema.doc, material=schema.material, actuator=schema.actuator, parameters=parameters,
     ))
