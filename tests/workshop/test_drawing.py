@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -75,6 +76,8 @@ def block(tmp_path_factory: pytest.TempPathFactory) -> ElementTree.Element:
     folder = tmp_path_factory.mktemp("block")
     drawings = build(folder, "Block")
     assert [*drawings] == ["Block_1_2_alu_x2.svg"] and build(tmp_path_factory.mktemp("again"), "Block") == drawings
+    shutil.rmtree(folder / "out")
+    assert build(folder, "Block") == drawings, "the cache contains what the CAD kernel has computed"
     return ElementTree.fromstring(drawings["Block_1_2_alu_x2.svg"])
 
 

@@ -1,14 +1,14 @@
 """Implementation of `thingc same`, which checks whether two robots are the same mechanism.
 
 Compares axes of joints, masses, inertias and couplings. Root, names, link frames, joint zeros and joint signs may differ; the output is the
-map between the robots. Limits, efforts, damping and other properties of joints are compared if both robots specify them. Meshes, contacts,
-gains of drives and tendons are not compared.
+map between the robots. Limits, efforts, damping and other properties of joints are shown if both robots specify them and they differ, but
+do not change the result. Meshes, contacts, gains of drives and tendons are not compared.
 
   thingc same old.urdf new.urdf                     two files: documents, URDF, xacro, MJCF, SDF
   thingc same arm.yaml build/arm                    a document and a build folder
   thingc same main..HEAD -- assemblies/arm.yaml     two revisions of a file
 
-Exit code: 0 if the robots are the same, 1 if they or the properties of their joints differ, or for errors, 2 for an invalid command line.
+Exit code: 0 if the robots are the same mechanism, 1 if they differ or have errors, 2 for an invalid command line.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run `thingc same`, and return the exit code: 0 if all compared robots are the same, otherwise 1."""
+    """Run `thingc same`, and return the exit code: 0 if all compared robots are the same mechanism, otherwise 1."""
     options = console.options_of(arguments)
     results: list[tuple[str, MechanismComparison]] = []
     request = parse_sides(arguments.side, arguments.behind)
@@ -63,4 +63,4 @@ def run(arguments: argparse.Namespace) -> int:
         for name, result in results:
             head, *lines = as_text(result)
             console.say(f"{name}: {head}", *lines)
-    return 0 if all(result.same and not result.properties for _, result in results) else 1
+    return 0 if all(result.same for _, result in results) else 1

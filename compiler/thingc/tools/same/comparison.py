@@ -78,10 +78,10 @@ class JointMatch(FrozenStruct):
 class MechanismComparison(OneLineRepr, FrozenStruct):
     """The result of a comparison of two mechanisms.
 
-    `same` is true if they differ only in root, names, link frames, joint zeros, joint signs and `properties`: the properties of joints that
-    both robots specify. `maps` is the number of maps that fit best, and `assignments` the number of different assignments of links and
-    joints among them. If `complete` is false, there can be more. `links` and `joints` are the best map. `residual` is the largest
-    difference [m, rad] between poses of links in random configurations.
+    `same` is true if they differ only in root, names, link frames, joint zeros and joint signs. `limits` and `properties` contain the
+    limits and the other properties of joints that differ. They do not affect `same`. `maps` is the number of maps that fit best, and
+    `assignments` the number of different assignments of links and joints among them. If `complete` is false, there can be more. `links` and
+    `joints` are the best map. `residual` is the largest difference [m, rad] between poses of links in random configurations.
     """
 
     one: str
@@ -93,6 +93,7 @@ class MechanismComparison(OneLineRepr, FrozenStruct):
     links: tuple[LinkMatch, ...] = ()
     joints: tuple[JointMatch, ...] = ()
     differences: tuple[MechanismDifference, ...] = ()
+    limits: tuple[MechanismDifference, ...] = ()
     properties: tuple[MechanismDifference, ...] = ()
     residual: tuple[float, float] | None = None
 
@@ -113,14 +114,15 @@ def compare_mechanisms(one: Mechanism, other: Mechanism, tolerance: float = TOLE
     maps = [found for found, fit in zip(maps, fits, strict=True) if fit == min(fits)]
     best = min(maps, key=lambda found: max(max(link.apart) for link in found.links.values()) > EXACT * tolerance)  # the first exact one
     differences = [*_differences(one, other, best, tolerance), *_couplings(one, other, best, tolerance)]
-    apart = residual(one, other, best)
+    apart, properties = residual(one, other, best), list(_properties(one, other, best, tolerance))
     if not differences and (not exact or max(apart) > REACH * tolerance * (len(one.joints) + 1)):
         differences.append(MechanismDifference(what="pose", by=max(apart)))
     return MechanismComparison(
         one=one.name, other=other.name, same=exact and not differences,
         maps=len(maps) if exact else 0, assignments=len({_assignment(found) for found in maps}) if exact else 0,
         complete=complete, links=tuple(_links(one, other, best)), joints=tuple(_joints(one, other, best)), differences=tuple(differences),
-        properties=tuple(_properties(one, other, best, tolerance)), residual=apart,
+        limits=tuple(found for found in properties if found.what == "limits"),
+        properties=tuple(found for found in properties if found.what != "limits"), residual=apart,
     )
 
 

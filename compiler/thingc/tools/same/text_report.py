@@ -23,8 +23,7 @@ PHYSICAL = {
 
 def as_text(result: MechanismComparison) -> Iterator[str]:
     """Yield the lines of a report: the verdict, zeros and signs, names, ambiguities, agreement of masses, differences and properties."""
-    differ = "; properties of joints differ" if result.properties else ""
-    yield f"{summary(result)}{differ}" if result.same else f"{result.one} and {result.other} are different mechanisms"
+    yield summary(result) if result.same else f"{result.one} and {result.other} are different mechanisms"
     yield from (f"  {line}" for line in _differences(result.differences))
     if not result.links:
         return
@@ -53,7 +52,7 @@ def as_text(result: MechanismComparison) -> Iterator[str]:
             f"rotation {_format_tolerance(degrees(result.residual[1]), 'deg')}"
         )
     kinds = {one.other: one.kind for one in result.joints}
-    for found in result.properties:
+    for found in (*result.limits, *result.properties):
         key = "lower" if found.what == "limits" else found.what
         ends = ((value,) if key == found.what else value for value in (found.old, found.new))
         old, new = (", ".join(_value(kinds[found.other], key, end, 6) for end in values) for values in ends)

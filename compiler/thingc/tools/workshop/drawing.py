@@ -68,7 +68,8 @@ def sheet(part: ManufacturedPart, drawn: Drawn, robot: str) -> bytes:
     page = SvgPage(WIDTH, HEIGHT, f"{part.label} ({robot})")
     page.rectangle((FRAME, FRAME, WIDTH - FRAME, HEIGHT - FRAME), "frame")
     scale, places = _placements(record.box)
-    for name, view in drawn.views.by_name.items():
+    for name in VIEWS:
+        view = drawn.views.by_name[name]
         page.path(places[name].path(view.hidden), "hidden")
         page.path(places[name].path(view.visible), "visible")
     _add_sizes(page, record.box, places)
