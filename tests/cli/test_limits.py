@@ -101,6 +101,18 @@ def test_pose_in_contact_has_no_free_interval(rig: Workspace) -> None:
     assert "touches in the pose (1 more)" in run("limits", str(rig.write(posed(thick, 118.7))))[1]
 
 
+def test_joint_without_compared_parts_is_not_proved(rig: Workspace) -> None:
+    body = "frame: true, mass: 1 kg, inertia: {ixx: 1 g*m^2, iyy: 1 g*m^2, izz: 1 g*m^2}"
+    text = HEAD + f"components: {{a: {{frame: true}}, b: {{{body}}}, c: {{{body}}}}}\njoints:\n" + "".join(
+        f"  {name}: {{type: revolute, parent: {parent}.origin, child: {child}.origin, limit: {{lower: -90 deg, upper: 90 deg}}}}\n"
+        for name, parent, child in (("turn", "a", "b"), ("bend", "b", "c"))
+    )
+    found = searched(rig, text)
+    assert found["proved"] is False and found["compared"] == 0
+    out = run("limits", str(rig.write(text)), "--pairs")[1]
+    assert out.count("no parts compared") == 3 and "proved" not in out and "sampled" not in out
+
+
 def test_joint_without_contacts_is_free_for_one_turn(rig: Workspace) -> None:
     found = searched(rig, posed(VANE.replace("31.234 17.1 0 mm", "31.234 57.1 0 mm"), 100.0))
     assert np.degrees(found["intervals"]) == pytest.approx(np.array([(-80.0, 280.0)])) and found["contacts"] == [None, None]
@@ -164,7 +176,7 @@ def test_limits_of_nested_documents_are_reported_as_not_written(rig: Workspace) 
     document = rig.folder / "outer.yaml"
     document.write_text(text)
     code, out, err = run("limits", str(document), "--write")
-    assert code == 0 and "inner/pin and inner/vane" in out, out + err
+    assert code == 0 and "inner.pin and inner.vane" in out, out + err
     assert "note: limits of joints of nested documents are not written: `inner.turn`" in err
     assert document.read_text() == text
 

@@ -89,6 +89,23 @@ def model_of(made: Artifacts, name: str) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(made.files[f"mjcf/{name}.xml"].decode(), files)  # type: ignore[union-attr]
 
 
+@pytest.mark.parametrize(("first", "second"), [("foot", "foot"), ("", "bracket:collision")])
+def test_equal_names_are_reported_at_the_shape(tmp_path: Path, shared_store: str, first: str, second: str) -> None:
+    workspace(tmp_path)
+    body = "{link: true, mass: 1 kg, inertia: {ixx: 1 g*m^2, iyy: 1 g*m^2, izz: 1 g*m^2}, shapes: [\n"
+    shape = "    {{box: {} 1 1 m, for: collision{}}},\n"
+    named = [f", name: '{name}'" if name else "" for name in (first, "", second)]
+    text = f"thingc: assembly/1\nname: robot\ncomponents:\n  bracket: {body}{shape.format(1, named[0])}  ]}}\n"
+    text += f"  other: {body}{shape.format(3, named[1])}{shape.format(2, named[2])}  ], at: {{in: bracket.origin}}}}\n"
+    (tmp_path / "robot.yaml").write_text(text)
+    with Environment(str(tmp_path / "robot.yaml"), Options(store=shared_store)) as environment:
+        compilation = pipeline.compile(environment)
+        pipeline.build(environment, compilation, ["mjcf"])
+    (found,) = compilation.report.diagnostics
+    assert found.code.code == "TC702" and second in found.message and found.span is not None
+    assert found.span.line == 1 + next(k for k, line in enumerate(text.splitlines()) if "2 1 1 m" in line)
+
+
 def inside(shape: str, points: np.ndarray) -> np.ndarray:
     """Return which points [mm, in the frame of the bracket] are inside a shape of `SHAPES`, by its definition."""
     def local(xyz: tuple[float, float, float], rpy: tuple[float, float, float]) -> np.ndarray:

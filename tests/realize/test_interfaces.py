@@ -95,8 +95,14 @@ def test_lock_file_contains_features(place: Place) -> None:
 
 
 @pytest.mark.parametrize(("declared", "words"), [
-    ("Bolts('M3', 4)", "4 x M3 need the diameter of a `circle`"),
-    ("Bolts('', 1)", "Expected `str` of length >= 1 - at `$[0].thread`"),
+    ("Bolts('M3', 4)", "`count` and `start` need the diameter of a `circle`"),
+    ("Bolts('', 1)", "- at `$[0].thread`"),
+    ("Shank('M0', 3)", "- at `$[0].thread`"),
+    ("Bolts('M3', start=3)", "`start` need the diameter of a `circle`"),
+    ("Bolts('M3', 4, 2)", "holes of 3 mm overlap: their distance is 1.41421 mm"),
+    ("Bolts('M2', at=((1, 1), (2, 1)))", "holes of 2 mm overlap: their distance is 1 mm"),
+    ("Bolts('M10', hole=7.49)", "a hole of 7.49 mm is too small for the thread M10"),
+    ("Bore(6, (6, 8))", "the first `clearance` must be smaller than the `diameter`, and"),
     ("Bolts('M3', 0, 5)", "Expected `int` >= 1"),
     ("Bore(-1)", "Expected `float` > 0.0 - at `$[0].diameter`"),
     ("Connector('USB-C', 'male')", "Invalid enum value 'male'"),
@@ -106,7 +112,7 @@ def test_lock_file_contains_features(place: Place) -> None:
 def test_invalid_declaration_fails_the_part(place: Place, declared: str, words: str) -> None:
     place.write("parts/wrong.py", f"""
         from build123d import Box, Location
-        from thingc import Bolts, Bore, Connector, MountPoint, Thing
+        from thingc import Bolts, Bore, Connector, MountPoint, Shank, Thing
 
         class Wrong(Thing):
             def __init__(self):

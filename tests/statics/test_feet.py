@@ -324,7 +324,7 @@ def test_feet_in_the_air_are_reported(hexapod: Hexapod, tmp_path: Path, shared_s
     with changed(tmp_path / "w", shared_store, ("mode: all, min: 2", "mode: six, pose: tripod, min: 2")) as document:
         assert main(["test", str(document), "--store", shared_store, "--format", "json"]) == 1
     (said,) = json.loads(capsys.readouterr().out)["diagnostics"]
-    assert said["code"] == "TC661" and "`leg_1/sole` by 38.7 mm, `leg_3/sole` by 38.7 mm, `leg_5/sole` by 38.7 mm" in said["message"]
+    assert said["code"] == "TC661" and "`leg_1.sole` by 38.7 mm, `leg_3.sole` by 38.7 mm, `leg_5.sole` by 38.7 mm" in said["message"]
 
 
 def test_adhesive_feet_on_ceiling_and_wall(tmp_path: Path, shared_store: str) -> None:

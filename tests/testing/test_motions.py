@@ -308,6 +308,7 @@ def test_motion_file_passes_through_its_rows(rig: Workspace) -> None:
 
 @pytest.mark.parametrize(("written", "wrong", "line", "column", "words"), [
     ("1,45,0\n", "0.4,45,0\n", 4, 1, "the times of a motion must increase, found 0.4 s after 0.4 s"),
+    ("0,0,0\n", "-0.1,0,0\n", 2, 1, "the times of a motion must not be negative, found -0.1 s"),
     ("elbow", "elbw", 1, 21, "there is no joint `elbw`"),
     (",elbow", "", 1, 1, "columns of the motion are missing"),
     ("time", "times", 1, 1, "there is no joint `times`"),

@@ -163,6 +163,9 @@ def test_pairs_at_other_joints_do_not_change_the_limits(answer: Any) -> None:
 
 def test_mounts_that_are_not_designed_for_a_part_are_not_compared(answer: Any) -> None:
     assert answer["by_name"]["plain"]["passed"] and answer["by_name"]["plain"]["measured"]["pairs"] == 0
+    (one,) = [one for one in answer["diagnostics"] if one["code"] == "TC669"]
+    assert one["severity"] == "warning" and "`plain`" in one["message"] and "certify: true" in one["help"]
+    assert (TEXT + "tests:\n").count("\n") + 1 <= one["line"] <= TEXT.count("\n") + 12
 
 
 def test_other_part_is_compared_from_the_nearest_limit(answer: Any) -> None:
@@ -193,4 +196,4 @@ def test_parts_that_overlap_at_zero_have_no_limits(answer: Any) -> None:
 
 def test_first_position_is_omitted_for_several_joints(answer: Any) -> None:
     one = finding(answer, "both")
-    assert "begin at" not in one["message"] and "both_1" in one["message"] and "slot_both.slide" in one["notes"][0]["message"]
+    assert "begin at" not in one["message"] and "both[1]" in one["message"] and "slot_both.slide" in one["notes"][0]["message"]

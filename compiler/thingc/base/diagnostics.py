@@ -143,7 +143,7 @@ class Code(Enum):
     UNKNOWN_TENDON = ("TC363", "unknown tendon", "Use a tendon of the same document.")
     TENDON_PATH = ("TC364", "invalid path of a tendon", "Correct the path as the message describes.")
     MOTION = ("TC368", "invalid motion", "Correct the poses, the times or the CSV file as the message describes.")
-    TRANSMISSION = ("TC365", "invalid transmission", "Correct the ratio or the matrix, or use each actuator and joint only once.")
+    TRANSMISSION = ("TC365", "invalid transmission", "Correct the ratio or matrix, or use each actuator and joint once.", Stage.CHECK)
 
     # --- TC4xx: parts (realize) ------------------------------------------------------------------------------------
     PART_RAISED = ("TC401", "part raised an exception", "Change the parameters of the component, or fix the part file.")
@@ -293,6 +293,7 @@ class Code(Enum):
     TEST_STACK = (
         "TC666", "deviation from tolerances out of bounds", "Tighten the tolerances that contribute most, or allow a larger deviation.",
     )
+    TEST_EMPTY = ("TC669", "test that compares no parts", "Add parts that can collide, or remove the test.", Stage.TEST)
     TEST_DRIVE = ("TC668", "drive that cannot follow a motion", "Use a stronger or faster drive or more time, or reduce the margin.")
 
 

@@ -9,15 +9,19 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
+from itertools import combinations
 from typing import Annotated, Any, Literal, Self
 
 from msgspec import Meta
 from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.numeric import atan2, cos, degrees, hypot, sin, sqrt
+from thingc.base.numeric import atan2, cos, degrees, dist, hypot, sin, sqrt
 from thingc.base.pose import Pose
 
+THREAD = r"^\s*([^\sMm]|[Mm](?!0*(\.0*)?([Xx]|$)|[0-9]{4}))"
+"""A regular expression that matches the beginning of a thread. Metric threads have a diameter above 0 and below 1 m."""
+Thread = Annotated[str, Meta(pattern=THREAD)]
 Text = Annotated[str, Meta(min_length=1)]
 Number = Annotated[float, Meta(gt=-1e6, lt=1e6)]
 Size = Annotated[float, Meta(gt=0, lt=1e6)]
@@ -31,6 +35,10 @@ SAME_PLACE = 1e-5
 """Largest distance [m] of the axes of two holes for one screw."""
 MOST_BOLTS = 200
 """Maximum number of holes of a pattern, because each hole is compared with each hole of another pattern."""
+LARGEST = 10.0
+"""Largest length [m] in an interface."""
+HOLES = (0.75, 1.7)
+"""Smallest and largest diameter of a hole for a thread, relative to its nominal diameter: from a tap drill to the hole of an insert."""
 
 
 class MountPair(FrozenStruct):
@@ -63,6 +71,9 @@ class MountFeature(FrozenStruct, tag=True, omit_defaults=True):
         """Return the feature in the frame of a mirrored mount, whose y axis is reversed. Round features do not change."""
         return self
 
+    def check_lengths(self) -> None:
+        """Raise `ValueError` if lengths [m] contradict each other."""
+
     def meets(self, other: MatingFeature, pair: MountPair) -> list[Mismatch] | None:
         """Return the differences to a feature of another mount, or None if this class cannot compare the features."""
         return None
@@ -76,7 +87,7 @@ class Bolts(MountFeature, kw_only=False):
     clearance hole. `hole` is the diameter of the holes. Raises `ValueError` for values that contradict each other.
     """
 
-    thread: Text
+    thread: Thread
     count: Annotated[int, Meta(ge=1)] = 1
     circle: Size | None = None
     start: Number = 0.0
@@ -87,8 +98,8 @@ class Bolts(MountFeature, kw_only=False):
     def __post_init__(self) -> None:
         if max(self.count, len(self.at)) > MOST_BOLTS:
             raise ValueError(f"a pattern must have at most {MOST_BOLTS} holes, found {max(self.count, len(self.at))}")
-        if self.count > 1 and self.circle is None or self.at and self.circle is not None:
-            raise ValueError(f"{self.count} x {self.thread} need the diameter of a `circle`, which cannot be combined with `at`")
+        if self.circle is None and (self.start or self.count > 1) or self.at and self.circle is not None:
+            raise ValueError("`count` and `start` need the diameter of a `circle`, which cannot be combined with `at`")
 
     def __str__(self) -> str:
         return f"{len(self.at) or self.count} x {self.thread}" + ("" if self.circle is None else f" on {mm(self.circle)}")
@@ -100,6 +111,15 @@ class Bolts(MountFeature, kw_only=False):
             return self.at or ((0.0, 0.0),)
         angles = [self.start + 2.0 * math.pi * k / self.count for k in range(self.count)]
         return tuple((self.circle / 2.0 * cos(angle), self.circle / 2.0 * sin(angle)) for angle in angles)
+
+    def check_lengths(self) -> None:
+        """Raise `ValueError` if a hole is too small for the thread, or if two holes overlap."""
+        size = nominal(self.thread) or 0.0
+        near = min((dist(*pair) for pair in combinations(self.points, 2)), default=math.inf)
+        if self.hole is not None and self.hole < HOLES[0] * size:
+            raise ValueError(f"a hole of {mm(self.hole)} is too small for the thread {self.thread}")
+        if near <= (self.hole or size):
+            raise ValueError(f"holes of {mm(self.hole or size)} overlap: their distance is {mm(near)}")
 
     def mirror_image(self) -> Bolts:
         """Return the pattern in the frame of a mirrored mount, whose y axis is reversed."""
@@ -141,8 +161,8 @@ class RoundFeature(MountFeature, kw_only=False):
     clearance: tuple[Number, Number] | None = None
 
     def __post_init__(self) -> None:
-        if self.clearance is not None and not self.clearance[0] <= self.clearance[1]:
-            raise ValueError("the first `clearance` must not be larger than the second")
+        if self.clearance is not None and not (self.diameter > self.clearance[0] <= self.clearance[1]):
+            raise ValueError("the first `clearance` must be smaller than the `diameter`, and not larger than the second")
 
     def __str__(self) -> str:
         return f"{type(self).__name__.lower()} {mm(self.diameter)}"
@@ -185,7 +205,7 @@ class Boss(RoundFeature, kw_only=False):
 class Shank(MountFeature, kw_only=False):
     """The shank of a screw along the z axis of the mount, with its `thread` and its `length` below the head."""
 
-    thread: Text
+    thread: Thread
     length: Size
 
     def __str__(self) -> str:

@@ -54,9 +54,9 @@ def option_span(path: str, text: str) -> Span:
     return line_of(f"{SET}{path}={text}")
 
 
-def line_of(file: str, line: int = 1) -> Span:
-    """Return the empty span at the beginning of a line of a file."""
-    return Span(file=file, line=line, column=1, end_line=line, end_column=1)
+def line_of(file: str, line: int = 1, column: int = 1) -> Span:
+    """Return an empty span, by default at the beginning of a line of a file."""
+    return Span(file=file, line=line, column=column, end_line=line, end_column=column)
 
 
 Origin = tuple[Span, ...]

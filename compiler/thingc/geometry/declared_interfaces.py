@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.interfaces import SAME, Bolts, Bore, Boss, MatingFeature, Shank, mm, nominal
+from thingc.base.interfaces import HOLES, SAME, Bolts, Bore, Boss, MatingFeature, Shank, mm, nominal
 from thingc.base.numeric import dist, hypot, inf
 from thingc.base.pose import Pose, rotate, transpose
 from thingc.geometry.features import Features
-
-HOLES = (0.75, 1.7)
-"""Smallest and largest diameter of a hole for a thread, relative to its nominal diameter: from a tap drill to the hole of an insert."""
 
 
 class _Round(FrozenStruct):

@@ -374,8 +374,9 @@ FailureKind = Literal[
 class PartFailure(OneLineRepr, FrozenStruct):
     """The reason why a part could not be described or built.
 
-    `message` is the message of the exception. `file` and `line` are the location of the error in the part file. For a `missing` part,
-    `candidates` contains similar modules, references or files. `detail` is the traceback, which only `--debug` shows.
+    `message` is the message of the exception. `file` and `line` are the location of the error in the part file, with the `column` of a
+    syntax error. For a `missing` part, `candidates` contains similar modules, references or files. `detail` is the traceback, which only
+    `--debug` shows.
     """
 
     subject: str
@@ -385,6 +386,7 @@ class PartFailure(OneLineRepr, FrozenStruct):
     line: int | None = None
     candidates: tuple[str, ...] = ()
     detail: str | None = None
+    column: int = 1
 
 
 NO_PARTS = frozenset({"invalid", "missing", "resultless"})

@@ -12,6 +12,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Literal
 
+from msgspec.structs import replace
+
 from thingc.base import numeric
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.frozen_struct import FrozenStruct
@@ -59,7 +61,8 @@ class Shape(FrozenStruct):
     """A shape in the frame of its occurrence. The shape is either a mesh with the name `mesh`, or a primitive with a `size` [m] as in
     `Primitive`.
 
-    `name` is the custom name of the shape, with the path of the document that defines it as prefix.
+    `name` is the custom name of the shape, with the path of the document that defines it as prefix. `origin` is the location of a shape
+    that a document lists.
     """
 
     kind: Literal["mesh"] | PrimitiveShape
@@ -69,6 +72,7 @@ class Shape(FrozenStruct):
     material: Material | None = None
     color: str | None = None
     name: str | None = None
+    origin: Origin = ()
 
 
 class Shapes(FrozenStruct):
@@ -227,8 +231,9 @@ class _Collector:
         The name of the mesh begins with `stem`. If another definition uses the same file name, report an error and return None.
         """
         mesh, title = surface.solid, occurrence.name_in_files(surface)
+        shape = Shape(kind="mesh", pose=surface.pose, material=surface.material, color=surface.color, name=title, origin=surface.origin)
         if isinstance(mesh, Primitive):
-            return Shape(kind=mesh.shape, size=mesh.size, pose=mesh.pose, material=surface.material, color=surface.color, name=title)
+            return replace(shape, kind=mesh.shape, size=mesh.size, pose=mesh.pose)
         name = stem + suffix
         owner = self.owners.setdefault(name.casefold(), occurrence)
         known = self.meshes.get(name)
@@ -241,7 +246,7 @@ class _Collector:
             name=name, mesh=mesh, volume=occurrence.record.volume if occurrence.record is not None and not surface.name else surface.volume,
             origin=occurrence.origin, own=own, scale=surface.scale,
         ))
-        return Shape(kind="mesh", mesh=name, pose=surface.pose, material=surface.material, color=surface.color, name=title)
+        return replace(shape, mesh=name)
 
 
 Box = tuple[Vector, Vector]

@@ -57,7 +57,9 @@ def read_csv(source: Source, report: Report) -> MappingNode | None:
             )
             return None
         filled = [(name, text, key, span) for (name, key), (text, span) in zip(header, row, strict=False) if text]
-        if filled:
+        if filled and COLUMNS[0] not in (name for name, *_ in filled):
+            report.add(Code.MISSING_KEY, f"this row has no `{COLUMNS[0]}`", filled[0][3], help="write the order number of the part")
+        elif filled:
             entries.append(MappingNode(
                 entries={name: ScalarNode(value=text, text=text, span=span) for name, text, _, span in filled},
                 keys={name: span for name, _, _, span in filled}, span=filled[0][3],

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
+from thingc.base.interfaces import THREAD
 from thingc.documents.spec.base import Model, require_with, rule
-from thingc.documents.spec.fields import AngleField, CountField, LengthField
+from thingc.documents.spec.fields import AngleField, CountField, LengthField, text_field
 
+ThreadField = Annotated[str, text_field(re.compile(THREAD).fullmatch, "the name of a thread", "M3", {"pattern": THREAD})]
 PairField = Annotated[list[LengthField], Field(min_length=2, max_length=2)]
 
 
 class BoltsSpec(Model):
     """Holes for screws, parallel to the z axis of the mount: one at its origin, several on a circle, or at any positions."""
 
-    thread: str = Field(min_length=1, examples=["M3"])
+    thread: ThreadField
     """Thread of the screws: `M3`."""
     count: CountField | None = Field(default=None, examples=[4])
     """Number of holes on the circle; default: 1."""
@@ -56,7 +59,7 @@ class BossSpec(Model):
 class ShankSpec(Model):
     """The shank of a screw along the z axis of the mount."""
 
-    thread: str = Field(min_length=1, examples=["M3"])
+    thread: ThreadField
     """Thread of the screw: `M3`."""
     length: LengthField
     """Length of the screw below its head."""

@@ -186,7 +186,7 @@ class Collisions:
 
 def names_of(assembly: Assembly, one: int, other: int, quote: str = "") -> str:
     """Return the names of two components, such as `left and right`, each between two quotes `quote`."""
-    return f"{quote}{assembly.occurrences[one].path}{quote} and {quote}{assembly.occurrences[other].path}{quote}"
+    return " and ".join(f"{quote}{assembly.occurrences[index].path.replace('/', '.')}{quote}" for index in (one, other))
 
 
 def skipped_text(skipped: Mapping[str, Sequence[str]]) -> str:

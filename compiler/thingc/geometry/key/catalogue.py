@@ -70,6 +70,7 @@ def not_python(sources: ModuleSources, packages: Sequence[str]) -> list[PartFail
             words, line = (fault.msg, fault.lineno) if isinstance(fault, SyntaxError) else (str(fault) or "too deeply nested", None)
             failures.append(PartFailure(
                 subject=module, kind="raised", message=f"{type(fault).__name__}: {words}", file=source.module.file, line=line,
+                column=getattr(fault, "offset", None) or 1,
             ))
     return failures
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from build123d import Location, Plane, Vector
-from msgspec import ValidationError, convert, to_builtins
+from msgspec import convert, to_builtins
 
 from thingc.base.interfaces import MatingFeature
 from thingc.geometry.things.resolver import Framed, TransformResolver
@@ -145,7 +145,9 @@ def _split_interface(interface: Interface) -> tuple[str | None, tuple[MatingFeat
     names = [one for one in listed if isinstance(one, str)]
     try:
         features = convert([to_builtins(one) for one in listed if one not in names[:1]], tuple[MatingFeature, ...])
-    except (TypeError, ValidationError) as error:
+        for one in features:
+            one.in_units(lambda mm: mm / 1e3, float).check_lengths()  # the distances of holes do not depend on the unit of angles
+    except (TypeError, ValueError) as error:
         wanted = "a string, a feature such as `Bolts(...)`, or a list of both"
         raise ValueError(f"the interface of a MountPoint must be {wanted}, found {interface!r}: {error}") from None
     return next(iter(names), None), features

@@ -172,9 +172,10 @@ class PartSession:
         if isinstance(fault, MemoryError):
             raise fault  # the available memory depends on the machine, so this failure must not be cached
         detail: str | None = "".join(traceback.format_exception(fault))
+        column = 1
         places = [(one.filename, one.lineno) for one in traceback.extract_tb(fault.__traceback__) if self.is_own(one.filename)]
         if isinstance(fault, SyntaxError) and fault.filename is not None and self.is_own(fault.filename):
-            places.append((str(fault.filename), fault.lineno))
+            places, column = [(str(fault.filename), fault.lineno)], fault.offset or 1
         file, line = places[-1] if places else (None, None)
         kind: FailureKind = "raised"
         message = _exception_text(fault)
@@ -187,7 +188,9 @@ class PartSession:
         elif isinstance(fault, (SignatureError, BadPartFile)) or isinstance(fault, ParameterError) and not places:
             kind, message = "invalid", str(fault)
         message = message.replace(os.path.join(self.around.root, ""), "")  # the path differs on other machines
-        return PartFailure(subject=subject, kind=kind, message=message, file=file, line=line, candidates=candidates, detail=detail)
+        return PartFailure(
+            subject=subject, kind=kind, message=message, file=file, line=line, candidates=candidates, detail=detail, column=column,
+        )
 
 
 def _exception_text(fault: BaseException) -> str:

@@ -59,7 +59,7 @@ def _surfaces(shape: LinkShape, material: Material | None, meshes: Meshes) -> It
     material, solid = shape.material or material, shape.solid
     otherwise = material.color if material is not None else None
     if not isinstance(solid, MeshFile):
-        yield Surface(solid=solid, material=material, color=shape.color or otherwise, title=shape.name)
+        yield Surface(solid=solid, material=material, color=shape.color or otherwise, title=shape.name, origin=shape.origin)
     elif (record := meshes.get(solid)) is not None:
         for number, piece in enumerate(record.pieces):
             color = shape.color or piece.color or otherwise
@@ -84,7 +84,7 @@ def _touching(shape: LinkShape, material: Material | None, meshes: Meshes) -> It
 def _solid(shape: LinkShape, material: Material | None, meshes: Meshes) -> Iterator[Surface]:
     material, solid = _with_friction(shape, shape.material or material), shape.solid
     if not isinstance(solid, MeshFile):
-        yield Surface(solid=solid, material=material, color=None, title=shape.name)
+        yield Surface(solid=solid, material=material, color=None, title=shape.name, origin=shape.origin)
     elif (record := meshes.get(solid)) is not None:
         yield _mesh_surface(shape, solid, record, material, None)
 
@@ -104,7 +104,7 @@ def _with_friction(shape: LinkShape, material: Material | None) -> Material | No
 
 def _mesh_surface(shape: LinkShape, file: MeshFile, record: MeshRecord, material: Material | None, color: str | None) -> Surface:
     return Surface(
-        solid=record.mesh, material=material, color=color, pose=shape.pose, name=file.name,
+        solid=record.mesh, material=material, color=color, pose=shape.pose, name=file.name, origin=shape.origin,
         volume=record.matter.mass if record.matter is not None else 0.0, own=record.own, scale=file.scale, title=shape.name,
     )
 

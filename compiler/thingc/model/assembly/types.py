@@ -30,7 +30,8 @@ class Surface(OneLineRepr, FrozenStruct):
     `solid` is placed at `pose` in the frame of the component, with a material and a colour. `color` is `#rrggbb` or `#rrggbbaa`, or None
     for the colour of the mesh. For a mesh file that a link lists, `name` is the file name without extension, and `volume` is the volume
     [m^3]. `scale` contains the scale factors if MuJoCo reads the original mesh file. `title` is the name that a document specifies for the
-    shape in output files, without the path of nested documents. `own` identifies the original mesh file.
+    shape in output files, without the path of nested documents. `own` identifies the original mesh file. `origin` is the location of a
+    shape that a document lists.
     """
 
     solid: Mesh | Primitive
@@ -42,6 +43,7 @@ class Surface(OneLineRepr, FrozenStruct):
     own: tuple[str, int] | None = None
     scale: Vector | None = None
     title: str | None = None
+    origin: Origin = ()
 
 
 class Listed(OneLineRepr, FrozenStruct):

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
+from itertools import groupby
 from typing import Any, cast
 
 from msgspec.structs import replace
@@ -359,7 +360,15 @@ def _actuators(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tup
     patterns, path = layers.pick("actuators")
     if patterns is None:
         return _actuators_of_nested(table)
-    return driven_joints(table, scope, [(pattern, (*path, index)) for index, pattern in enumerate(patterns)])
+    chosen = driven_joints(table, scope, [(pattern, (*path, index)) for index, pattern in enumerate(patterns)])
+    for _, group in groupby(coupled_drives(table), lambda one: (one[0].removesuffix(one[1].name), [joint for joint, _ in one[1].moves])):
+        names = [name for name, _ in group]
+        missing = [f"`{name}`" for name in names if name.path not in chosen]
+        if 0 < len(missing) < len(names):
+            words = f"a mode uses only some drives of a differential, without {', '.join(missing)}"
+            help = "add the missing drives: the others cannot control all of its joints"
+            scope.report.warn(Code.TRANSMISSION, words, scope.origin(path), help=help, allow=True)
+    return chosen
 
 
 def _actuators_of_nested(table: DocumentScope) -> tuple[str, ...] | None:

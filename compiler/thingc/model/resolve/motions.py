@@ -54,12 +54,8 @@ def _through_poses(table: DocumentScope, scope: Scope, name: str, written: Seque
         if point.pose not in table.spec.poses and not scope.doubts.lacks("poses"):
             report_unmatched(scope, point.pose, table.poses, (*at, "pose"), "pose")
         time = scope.number(point.time, (*at, "time"), TIME, "`time`")
-        before = times[-1] if times else None
-        if time is not None and before is not None and time <= before:
-            scope.error(
-                Code.MOTION, f"the times of a motion must increase, found {time:.6g} s after {before:.6g} s", (*at, "time"),
-                help="sort the poses by time",
-            )
+        if time is not None and (fault := _time_fault(time, times[-1] if times else None)) is not None:
+            scope.error(Code.MOTION, fault, (*at, "time"), help="sort the poses by time, from 0 s")
             time = None
         times.append(time)
     known, instants = [pose for pose in poses if pose is not None], [time for time in times if time is not None]
@@ -70,6 +66,13 @@ def _through_poses(table: DocumentScope, scope: Scope, name: str, written: Seque
         name=name, times=tuple(instants), values={path: tuple(pose.values.get(path, 0.0) for pose in known) for path in paths},
         smooth=False, origin=scope.origin(("motions", name), key=True),
     )
+
+
+def _time_fault(time: float, before: float | None) -> str | None:
+    """Describe why a time [s] of a motion is invalid after the time `before`, or return None."""
+    if before is not None and time <= before:
+        return f"the times of a motion must increase, found {time:.6g} s after {before:.6g} s"
+    return f"the times of a motion must not be negative, found {time:.6g} s" if time < 0.0 else None
 
 
 class _WrongCell(Exception):
@@ -95,8 +98,8 @@ def _of_file(table: DocumentScope, rows: Sequence[Row], name: str, where: Span) 
             text, span = row[number] if number < len(row) else ("", row[-1][1])
             own.append(factor * _number(text, span, column))
             joint = joints.get(CoordinateName(column))
-            if column == TIME_COLUMN and len(own) > 1 and own[-1] <= own[-2]:
-                raise _WrongCell(f"the times of a motion must increase, found {own[-1]:.6g} s after {own[-2]:.6g} s", span)
+            if column == TIME_COLUMN and (fault := _time_fault(own[-1], own[-2] if len(own) > 1 else None)) is not None:
+                raise _WrongCell(fault, span)
             if column != TIME_COLUMN and joint is not None and joint.twist is not None and not joint.limit.contains(own[-1]):
                 ends = " to ".join("no limit" if end is None else joint.twist.format(end) for end in (joint.limit.lower, joint.limit.upper))
                 found = f"joint `{column}` is at {joint.twist.format(own[-1])}, outside its limits {ends}"

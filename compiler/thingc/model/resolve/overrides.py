@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import tau
 from typing import Any, Literal
 
 from thingc.base.diagnostics import Code
 from thingc.base.inertia import HEAVIEST, LARGEST_MOMENT
-from thingc.base.interfaces import Bolts, Bore, Boss, Connector, MatingFeature, Shank
+from thingc.base.interfaces import LARGEST, Bolts, Bore, Boss, Connector, MatingFeature, Shank
 from thingc.base.pose import NO_POSE
 from thingc.base.source import Path
 from thingc.base.suggestions import did_you_mean
@@ -180,6 +181,7 @@ def _features(scope: Scope, spec: InterfaceSpec, path: Path) -> tuple[MatingFeat
         if said is not None and None not in values.values():
             try:
                 features.append(create(**values))
+                features[-1].check_lengths()
             except ValueError as error:
                 scope.error(Code.OUT_OF_RANGE, str(error), (*path, key))
     return tuple(features)
@@ -194,5 +196,6 @@ def _feature_value(scope: Scope, name: str, raw: Any, path: Path) -> Any:
         return raw
     if name == "count":
         return scope.count(raw, path, "`count`", least=1)
-    above = None if name in _SIGNED else 0.0
-    return scope.number(raw, path, ANGLE if name == "start" else LENGTH, f"`{name}`", above=above)
+    dimension, most = (ANGLE, tau) if name == "start" else (LENGTH, LARGEST)
+    above, least = (None, -most) if name in _SIGNED else (0.0, None)
+    return scope.number(raw, path, dimension, f"`{name}`", above=above, least=least, most=most)

@@ -237,7 +237,7 @@ def _report_unloaded(context: ResolveRun, use: Span, reference: str, failure: Pa
         notes.append(Note(message="also used: " + ", ".join(f"`{name}`" for name in list(references)[USES_SHOWN:])))
     context.report.add(
         Code.PART_RAISED, f"part `{reference}`{others} cannot be loaded: {failure.message}",
-        line_of(file, line), help="fix the part file", notes=notes, detail=failure.detail,
+        line_of(file, line, failure.column), help="fix the part file", notes=notes, detail=failure.detail,
     )
 
 

@@ -154,11 +154,11 @@ def geoms(
             material = material_name(shape.material, shape.color)
             if material is not None:
                 attributes["material"] = material
-            elements.append(Element(tag="geom", attributes=attributes, origin=one.origin))
+            elements.append(Element(tag="geom", attributes=attributes, origin=shape.origin or one.origin))
         grouped: dict[str, XmlValue] = {} if mask is None else {"contype": str(mask[0]), "conaffinity": str(mask[1])}
         for name, shape in named_collision(one):
             attributes = {"name": name, "class": touching, **_shape(shape, pose), **_friction(shape.material), **grouped}
-            elements.append(Element(tag="geom", attributes=attributes, origin=one.origin))
+            elements.append(Element(tag="geom", attributes=attributes, origin=shape.origin or one.origin))
     return tuple(elements)
 
 

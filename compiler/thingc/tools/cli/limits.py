@@ -32,6 +32,9 @@ if TYPE_CHECKING:
     from thingc.tools.limits.joint_limits import JointLimits, PairLimits
 
 
+_NONE = "no parts compared"
+
+
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc limits` to the parser."""
     console.add_document(parser)
@@ -116,11 +119,13 @@ def as_text(found: Sequence[JointLimits], pairs: Sequence[PairLimits]) -> list[s
             one.joint.name, " to ".join("unlimited" if end is None else show(end) for end in (limit.lower, limit.upper)),
             (" to ".join(map(show, one.own)) if one.own is not None else "touches in the pose") + (f" ({more} more)" if more else ""),
             "; ".join(dict.fromkeys(contact for contact in one.contacts if contact is not None)) or "none",
-            f"{'proved ' if one.proved else '' if one.skipped else 'sampled '}to {show(one.width)}{skipped_text(one.skipped)}",
+            f"{'proved ' if one.proved else '' if one.skipped else 'sampled ' if one.compared else _NONE + ', '}to {show(one.width)}"
+            + skipped_text(one.skipped),
         ))
     others = [(
         " and ".join(one.joints), one.verdict, f"{one.contact} at {one.where}" if one.contact else "",
-        "proved" if one.proved or one.verdict == "touches" else skipped_text(one.skipped).removeprefix(", ") or "sampled",
+        "proved" if one.proved or one.verdict == "touches"
+        else skipped_text(one.skipped).removeprefix(", ") or ("sampled" if one.compared else _NONE),
     ) for one in pairs]
     return [*console.table(rows), *(["", *console.table([("joints", "between their limits", "", ""), *others])] if others else [])]
 
@@ -130,7 +135,7 @@ def _as_data(one: JointLimits) -> dict[str, object]:
     return {
         "joint": one.joint.name, "lower": one.joint.limit.lower, "upper": one.joint.limit.upper, "free": one.own,
         "intervals": one.intervals, "contacts": one.contacts, "resolution": one.width, "proved": one.proved,
-        "skipped": one.skipped,
+        "compared": one.compared, "skipped": one.skipped,
     }
 
 

@@ -148,7 +148,7 @@ def unreadable(called: str, done: str, failure: PartFailure) -> Diagnostic:
 
     `done` is the past participle of the failed operation, such as `read`. `called` is the name of the part in the error message.
     """
-    span = None if failure.file is None else line_of(failure.file, failure.line or 1)
+    span = None if failure.file is None else line_of(failure.file, failure.line or 1, failure.column)
     return Diagnostic(
         code=Code.PART_UNREADABLE, severity=Severity.ERROR, message=f"`{called}` cannot be {done}: {failure.message}",
         span=span, path=failure.subject, help="fix the part file", detail=failure.detail,

@@ -235,6 +235,7 @@ class Attachment(SourceThing):
 
     `pose` is the pose of the child with all joints at `start`. `name` is the name in the source, and `rpy` [rad] are the angles of the pose
     in the source, if specified. If `floating` is true, the child can move freely, by a free joint unless the parent is the world.
+    `ends` contains the locations of the names `parent` and `child` in the source, if known.
     """
 
     parent: str
@@ -243,6 +244,7 @@ class Attachment(SourceThing):
     rpy: Vector | None = None
     joints: tuple[SourceJoint, ...] = ()
     floating: bool = False
+    ends: Mapping[str, Span] = {}
 
     def reverse(self) -> Attachment:
         """Return the same attachment with parent and child exchanged.

@@ -34,7 +34,7 @@ def root_of(links: Sequence[SourceLink], attachments: Sequence[Attachment], wher
         for side, name in (("parent", one.parent), ("child", one.child)):
             if name not in named:
                 message = f"the {side} of joint `{one.name}` is the link `{name}`, which does not exist"
-                report.add(Code.SOURCE_TREE, message, one.where, help=did_you_mean(name, named, what="links"))
+                report.add(Code.SOURCE_TREE, message, one.ends.get(side, one.where), help=did_you_mean(name, named, what="links"))
         if one.child in above:
             other = above[one.child]
             report.add(

@@ -241,6 +241,7 @@ class _Urdf:
         return source_model.Attachment(
             name=name, parent=ends["parent"], child=ends["child"], pose=pose, rpy=rpy, where=element.where,
             joints=() if joint is None else (joint,), floating=kind == "floating",
+            ends={side: next(element.all(side)).place("link") for side in ends},
         )
 
     def _end(self, element: SourceElement, side: str) -> str | None:

@@ -28,7 +28,8 @@ class FreeIntervals(FrozenStruct):
     """The intervals [rad or m] of a joint in which no parts touch, in ascending order.
 
     `blocked` contains positions outside the intervals, each with the pair that touches there (None: a loop does not close). `proved` is
-    False if some pairs were compared only in samples. Positions that differ by a multiple of `period` are the same (infinite: no period).
+    False if some pairs were compared only in samples, or if there are no pairs. Positions that differ by a multiple of `period` are the
+    same (infinite: no period).
     """
 
     period: float
@@ -77,8 +78,8 @@ def free_intervals(sweep: Sweep, pairs: Sequence[ComparedPair], width: float) ->
         grown = sorted([(low - period + up, high + up), *between])
     if grown and grown[0][1] - grown[0][0] >= period - 1e-9:
         grown, search.blocked = [(one.lower, one.upper)], []
-    certain = all(pair.method == "proved" and pair.verdict in ("clear", "touches", "undecided") and pair.apart for pair in pairs)
-    return FreeIntervals(period=period, intervals=tuple(grown), blocked=tuple(search.blocked), proved=certain)
+    known = all(pair.method == "proved" and pair.verdict in ("clear", "touches", "undecided") and pair.apart for pair in pairs)
+    return FreeIntervals(period=period, intervals=tuple(grown), blocked=tuple(search.blocked), proved=bool(pairs) and known)
 
 
 def _repeats(sweep: Sweep) -> bool:
@@ -138,8 +139,9 @@ class JointLimits(FrozenStruct):
     """The free intervals of a joint [rad or m], the interval that contains the pose (None: parts touch in the pose), and its contacts.
 
     `contacts` contains, for each end, the pair of parts that touches beyond the end. An end without a contact is the end of the search.
-    `proved` is False if some pairs were compared only in samples. The ends are at most `width` from a position in which parts touch.
-    `skipped` contains the pairs that move relative to each other and were not compared, by reason.
+    `compared` is the number of compared pairs. `proved` is False if it is 0, or if some pairs were compared only in samples. The ends are
+    at most `width` from a position in which parts touch. `skipped` contains the pairs that move relative to each other and were not
+    compared, by reason.
     """
 
     joint: JointEdge
@@ -148,6 +150,7 @@ class JointLimits(FrozenStruct):
     contacts: tuple[str | None, str | None]
     proved: bool
     width: float
+    compared: int
     skipped: dict[str, list[str]]
 
 
@@ -159,6 +162,7 @@ class PairLimits(FrozenStruct):
     contact: str | None
     where: str
     proved: bool
+    compared: int
     skipped: dict[str, list[str]]
 
 
@@ -204,7 +208,7 @@ class LimitSearch:
         lower, upper = (self._names(free.contact(end, width)) for end in (interval or (q, q)))
         return JointLimits(
             joint=joint, intervals=free.intervals, own=interval, contacts=(lower, upper), proved=free.proved and not skipped, width=width,
-            skipped=skipped,
+            compared=len(pairs), skipped=skipped,
         )
 
     def pair(self, one: JointEdge, other: JointEdge) -> PairLimits:
@@ -217,7 +221,8 @@ class LimitSearch:
         return PairLimits(
             joints=(one.name, other.name), verdict="clear" if worst is None else worst.verdict, contact=self._names(worst),
             where=self._places(worst.q, (one, other)) if worst is not None else "",
-            proved=all(pair.method == "proved" and pair.verdict != "contact" for pair in pairs) and not skipped, skipped=skipped,
+            proved=bool(pairs) and all(pair.method == "proved" and pair.verdict != "contact" for pair in pairs) and not skipped,
+            compared=len(pairs), skipped=skipped,
         )
 
     def _skipped_names(self, sweep: Sweep) -> dict[str, list[str]]:

@@ -11,7 +11,7 @@ from thingc.base.pose import Pose
 from thingc.base.units import ANGULAR_VELOCITY, FORCE, TORQUE, VELOCITY
 from thingc.documents.checks.drive_margin import KIND, DriveCheck
 from thingc.driver.testing.kinds.torque_margin import SLACK
-from thingc.driver.testing.outcomes import Failure, Outcome, TestCase, TestMeasurement, format_si
+from thingc.driver.testing.outcomes import Failure, Outcome, TestCase, TestMeasurement, document_name, format_si
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge, LinkedTendon
 from thingc.model.dynamics.inertial_loads import inertial_loads
@@ -56,23 +56,24 @@ def measure(case: TestCase, check: DriveCheck) -> Outcome:
     tested = (one for one in instants(case.robot, motion, case.frames[0].base) if one.path in check.joints)
     worst = min(tested, key=lambda one: round_significant(one.margin, 12))
     drive = _drives(case.robot)[worst.path]
+    name = document_name(drive)
     effort, speed = (TORQUE, ANGULAR_VELOCITY) if drive.turns else (FORCE, VELOCITY)
     needed, available = format_si(abs(worst.effort), effort), format_si(worst.available, effort)
     fast, when = format_si(abs(worst.speed), speed), f"{worst.time:.4g} s"
     if worst.stuck is not None:
         failure = Failure(
-            code=Code.TEST_DRIVE, key="motion", message=f"the drives cannot follow the motion: no drive moves joint `{worst.stuck}`",
-            help="add a drive to the joint, or use a mode in which its drive is present",
+            code=Code.TEST_DRIVE, key="motion", help="add a drive to the joint, or use a mode in which its drive is present",
+            message=f"the drives cannot follow the motion: no drive moves joint `{worst.stuck.replace('/', '.')}`",
         )
     elif worst.margin < check.minimum:
         failure = Failure(
             code=Code.TEST_DRIVE, key="min",
-            message=f"drive `{worst.path}` needs {needed} at {when}, and can exert {available} at {fast}: "
+            message=f"drive `{name}` needs {needed} at {when}, and can exert {available} at {fast}: "
             f"the margin is {worst.margin:.3g}, but at least {check.minimum:g} is required",
         )
-    said = f"margin {worst.margin:.3g} at {worst.path}: {needed} of {available} at {fast} and {when} (at least {check.minimum:g})"
+    said = f"margin {worst.margin:.3g} at {name}: {needed} of {available} at {fast} and {when} (at least {check.minimum:g})"
     if not isfinite(worst.margin):
-        said = f"{worst.path} carries no load (margin at least {check.minimum:g})"
+        said = f"{name} carries no load (margin at least {check.minimum:g})"
     return Outcome(
         measured={
             "margin": worst.margin if isfinite(worst.margin) else None, "drive": worst.path, "time": worst.time, "effort": worst.effort,

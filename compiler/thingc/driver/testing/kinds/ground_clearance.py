@@ -28,18 +28,18 @@ def measure(case: TestCase, check: GroundClearance) -> Outcome:
     if not heights:
         shapeless = Failure(code=Code.TEST_CLEARANCE, key="except", message="no checked part has a shape")
         return Outcome(expected=expected, said="no shape", failure=shapeless)
-    height, path = heights[0]
+    (height, shown), *above = ((height, path.replace("/", ".")) for height, path in heights)
     failure: Failure | None = None
     if height < check.least:
-        others = [Note(message=f"`{name}` is also {_format_height(other)}") for other, name in heights[1:] if other < check.least]
+        others = [Note(message=f"`{name}` is also {_format_height(other)}") for other, name in above if other < check.least]
         failure = Failure(
             code=Code.TEST_CLEARANCE, key="at_least", notes=tuple(first_notes(others, LISTED, "more part")),
-            message=f"the lowest point of `{path}` is {_format_height(height)}, but at least {Quantity(check.least, LENGTH)} is required",
-            help=f"if this is intended, add `except: [{path.replace('/', '.')}]`",
+            message=f"the lowest point of `{shown}` is {_format_height(height)}, but at least {Quantity(check.least, LENGTH)} is required",
+            help=f"if this is intended, add `except: [{shown}]`",
         )
     return Outcome(
-        measured={"clearance": height, "part": path}, expected=expected,
-        said=f"{path} {_format_height(height)} (at least {Quantity(check.least, LENGTH)})", failure=failure,
+        measured={"clearance": height, "part": heights[0][1]}, expected=expected,
+        said=f"{shown} {_format_height(height)} (at least {Quantity(check.least, LENGTH)})", failure=failure,
     )
 
 

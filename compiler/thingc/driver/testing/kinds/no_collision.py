@@ -103,8 +103,14 @@ def _least_gap(assembly: Assembly, nearest: NearPair | None) -> str:
 
 
 def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> None:
-    """Report a warning for each pair of components that the test allows to collide but that did not collide in any mode or pose."""
+    """Report a warning for each pair of components that the test allows to collide but that did not collide in any mode or pose, and if the
+    test has not compared any parts.
+    """
     check: CollisionCheck = linked.test.check
+    if not any(outcome.measured.get("pairs", True) for outcome in outcomes):
+        help = "no mount at these joints was designed for another part: use `certify: true`" if check.certify == "references" else None
+        name, origin = linked.test.name, linked.test.origin
+        report.warn(Code.TEST_EMPTY, f"test `{name}` compares no parts", origin, path=f"tests.{name}", help=help)
     needed = {number for outcome in outcomes for number in outcome.needed}
     for number, allowance in enumerate(check.allow):
         if number not in needed:
@@ -135,7 +141,7 @@ def _failure(
     others = [Note(message=f"also {_how(assembly, near, check.clearance)}{_at(case, check, near)}") for near in worst[1:]]
     notes = first_notes(others, LISTED, "more pair")
     notes += [
-        Note(message=f"the surface of `{path}` is not closed: the convex hull of the mesh is used instead")
+        Note(message=f"the surface of `{path.replace('/', '.')}` is not closed: the convex hull of the mesh is used instead")
         for path in collisions.hulls if path in (assembly.occurrences[first.one].path, assembly.occurrences[first.other].path)
     ]
     names = ", ".join(assembly.occurrences[index].path.replace("/", ".") for index in (first.one, first.other))

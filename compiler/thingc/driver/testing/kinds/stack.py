@@ -39,7 +39,7 @@ def measure(case: TestCase, check: StackCheck) -> Outcome:
     path = _path(robot.assembly, base.occurrence, of.occurrence)
     closed = {joint.path for mate in path for joint in mate.joints} & on_loops(len(robot.assembly.occurrences), robot.assembly.mates)
     if closed:
-        message = f"joint `{sorted(closed)[0]}` is on a closed loop, for which deviations are not computed"
+        message = f"joint `{sorted(closed)[0].replace('/', '.')}` is on a closed loop, for which deviations are not computed"
         failure = Failure(code=Code.TEST_STACK, key="of", message=message, help="use mounts between which no loop is closed")
         return Outcome(said="closed loop", failure=failure)
     found = list(_contributions(robot, case.frames[0], check.along, base, of, path))
@@ -123,7 +123,7 @@ def _contributions(
         for joint, twist in in_world(body, pose, frame.q):
             if joint.path in play:
                 velocity = add_scaled(cross(twist.angular, add_scaled(end, twist.anchor, -1.0)), twist.linear, 1.0)
-                yield f"the backlash of `{joint.path}`", [0.5 * play[joint.path] * dot(velocity, direction)]
+                yield f"the backlash of `{joint.name}`", [0.5 * play[joint.path] * dot(velocity, direction)]
 
 
 def _of_mounts(

@@ -11,7 +11,7 @@ from thingc.base.numeric import isfinite, round_significant
 from thingc.base.pose import Pose
 from thingc.base.units import FORCE, LENGTH, TORQUE
 from thingc.documents.checks.torque_margin import KIND, TorqueCheck
-from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
+from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, document_name, format_si
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge, LinkedTendon
 from thingc.model.robot.kinematics import body_poses
@@ -33,6 +33,7 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
     held = static_efforts(robot, frame.q, bodies, case.request.memo)
     efforts, margins, choices = held.by_joint, held.margins, held.choices
     least = _weakest(check, margins)
+    names = {path: document_name(joint) for path, joint in joints.items()}
     text = _effort(joints[least], efforts[least])
     limit = _effort(joints[least], joints[least].limit.effort or 0.0)
     measured: dict[str, Measure] = {
@@ -55,18 +56,18 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
         aside += f"; {slippery:.3g} if the floor had no friction"
     failure: Failure | None = None
     if not isfinite(margins[least]):
-        said = f"{least} carries no load (margin at least {check.minimum:g}){aside}"
+        said = f"{names[least]} carries no load (margin at least {check.minimum:g}){aside}"
         return Outcome(measured=measured, expected=expected, said=said)
-    said = f"margin {margins[least]:.3g} at {least}: {text} of {limit} (at least {check.minimum:g}){aside}"
+    said = f"margin {margins[least]:.3g} at {names[least]}: {text} of {limit} (at least {check.minimum:g}){aside}"
     if margins[least] < check.minimum:
         others = [path for path in check.joints if path != least and margins[path] < check.minimum]
         notes += [
-            Note(message=f"drive `{path}` needs {_effort(joints[path], efforts[path])}, a margin of {margins[path]:.3g}")
+            Note(message=f"drive `{names[path]}` needs {_effort(joints[path], efforts[path])}, a margin of {margins[path]:.3g}")
             for path in others
         ]
         failure = Failure(
             code=Code.TEST_TORQUE, key="min", notes=tuple(notes),
-            message=f"drive `{least}` needs {text}, and its limit is {limit}: the margin is {margins[least]:.3g}, "
+            message=f"drive `{names[least]}` needs {text}, and its limit is {limit}: the margin is {margins[least]:.3g}, "
             f"but at least {check.minimum:g} is required",
         )
     return Outcome(measured=measured, expected=expected, said=said, failure=failure)
@@ -89,7 +90,7 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
         feet = stance(robot, q, bodies).feet
         high = lifted_feet(feet)
         if high:
-            listed = ", ".join(f"`{path}` by {format_si(height, LENGTH)}" for path, height in high.items())
+            listed = ", ".join(f"`{path.replace('/', '.')}` by {format_si(height, LENGTH)}" for path, height in high.items())
             failure = Failure(
                 code=Code.TEST_FOOT, key="pose", message=f"in this pose, feet of the mode are above the other feet: {listed}",
                 help="lower these feet in the pose, or remove them from `standing_on`",
@@ -107,7 +108,7 @@ def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held
         )
         return said, failure
     if held.unheld > SLACK:
-        moves = f"joint `{held.where}`" if held.where else "the robot"
+        moves = f"joint `{held.where.replace('/', '.')}`" if held.where else "the robot"
         failure = Failure(
             code=Code.TEST_TORQUE, key="drive", message=f"the drives cannot hold this pose: {moves} would move",
             help="add a drive to the joint, or choose a pose in which the joint stays at rest",
