@@ -19,8 +19,8 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import atan2, cos, degrees, dist, hypot, sin, sqrt
 from thingc.base.pose import Pose
 
-THREAD = r"^\s*([^\sMm]|[Mm](?!0*(\.0*)?([Xx]|$)|[0-9]{4}))"
-"""A regular expression that matches the beginning of a thread. Metric threads have a diameter above 0 and below 1 m."""
+THREAD = r"^\s*([^\sMm]|[Mm]([^0-9]|$|0*[1-9][0-9]{0,2}([^0-9]|$)|0*\.0*[1-9])).*$"
+"""A regular expression of threads. Metric threads have a diameter above 0 and below 1 m."""
 Thread = Annotated[str, Meta(pattern=THREAD)]
 Text = Annotated[str, Meta(min_length=1)]
 Number = Annotated[float, Meta(gt=-1e6, lt=1e6)]
