@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import tau
 from typing import Any, Literal
 
 from thingc.base.diagnostics import Code
 from thingc.base.inertia import HEAVIEST, LARGEST_MOMENT
 from thingc.base.interfaces import LARGEST, Bolts, Bore, Boss, Connector, MatingFeature, Shank
+from thingc.base.numeric import tau
 from thingc.base.pose import NO_POSE
 from thingc.base.source import Path
 from thingc.base.suggestions import did_you_mean
