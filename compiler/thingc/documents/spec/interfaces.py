@@ -18,7 +18,7 @@ PairField = Annotated[list[LengthField], Field(min_length=2, max_length=2)]
 class BoltsSpec(Model):
     """Holes for screws, parallel to the z axis of the mount: one at its origin, several on a circle, or at any positions."""
 
-    thread: ThreadField
+    thread: ThreadField = Field(examples=["M3"])
     """Thread of the screws: `M3`."""
     count: CountField | None = Field(default=None, examples=[4])
     """Number of holes on the circle; default: 1."""
@@ -59,7 +59,7 @@ class BossSpec(Model):
 class ShankSpec(Model):
     """The shank of a screw along the z axis of the mount."""
 
-    thread: ThreadField
+    thread: ThreadField = Field(examples=["M3"])
     """Thread of the screw: `M3`."""
     length: LengthField
     """Length of the screw below its head."""
