@@ -61,7 +61,7 @@ def test_argument_used_only_in_yaml(bot: Path) -> None:
 
 @pytest.mark.parametrize(("file", "old", "new", "words", "line"), [
     ("arm.xacro", '"${mass}"', '"${mas}"', "name 'mas' is not defined", 5),
-    ("arm.xacro", 'link="base"', 'link="bse"', "the parent of joint `left_shoulder` is the link `bse`", 9),
+    ("arm.xacro", 'link="base"', 'link="bse"', "the parent of joint `left_shoulder` is the link `bse`", 10),
     ("arm.xacro", 'ixx="0.01"', 'ixx="${side}"', "`ixx` of `<inertia>`: expected a number, found `left`", 6),
     ("arm.xacro", "</inertial>", "", "this is not well-formed XML: mismatched tag", 8),
     ("bot.urdf.xacro", "arm.xacro", "leg.xacro", "no such file or directory", 5),
