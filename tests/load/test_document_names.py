@@ -84,7 +84,7 @@ def test_packaged_document_files_are_found(folder: Path) -> None:
     (package / "__init__.py").write_text("")
     (package / "wood.thingc.yaml").write_text(MATERIALS)
     report = Report()
-    path = find_packaged("shelf.wood", where=None, workspace=workspace(folder), looked_at=set(), report=report)
+    path = find_packaged("shelf.wood", where=None, workspace=workspace(folder), examined=set(), report=report)
     assert path == str(package / "wood.thingc.yaml") and not report.diagnostics
     assert packaged_documents(workspace(folder))["shelf.wood"] == path
 

@@ -48,7 +48,7 @@ def walker(tmp_path_factory: pytest.TempPathFactory) -> WorkspaceIndex:
 
 
 def named(sight: WorkspaceIndex, what: str, text: str) -> Name:
-    (name,) = (one for one in sight.index.by_name if (one.what, one.text) == (what, text))
+    (name,) = (one for one in sight.index.by_name if (one.kind, one.text) == (what, text))
     return name
 
 
@@ -65,7 +65,7 @@ def test_walker_uses_every_kind_of_name(walker: WorkspaceIndex) -> None:
 
     from thingc.documents.spec.name_types import Declared, DeclaresName, ReferenceKind, RefersTo
 
-    said = {mention.names for written in walker.documents.values() for mention in written.mentions}
+    said = {mention.names for written in walker.documents.values() for mention in written.occurrences}
     of_others = {RefersTo("part"), RefersTo("parameter of a part"), RefersTo("mode of a nested assembly")}  # in the arm; in a scene, below
     assert said == {*map(DeclaresName, get_args(Declared)), *map(RefersTo, get_args(ReferenceKind))} - of_others
 
@@ -73,18 +73,18 @@ def test_walker_uses_every_kind_of_name(walker: WorkspaceIndex) -> None:
 def exchanged(sight: WorkspaceIndex, old: str, new: str) -> tuple[WorkspaceIndex, dict[str, str]]:
     """Rename all names that begin with `old` to begin with `new`, one by one; return the result and the messages of refused renames."""
     refused = {}
-    for one in [name for name in sight.index.by_name if name.text.startswith(old) and not name.what.startswith(("document", "part"))]:
+    for one in [name for name in sight.index.by_name if name.text.startswith(old) and not name.kind.startswith(("document", "part"))]:
         name = next((
             name for name in sight.index.by_name
-            if (name.what, name.text) == (one.what, one.text) and plain(name.owner) == plain(one.owner) and name.file == one.file
+            if (name.kind, name.text) == (one.kind, one.text) and plain(name.owner) == plain(one.owner) and name.file == one.file
         ), None)
         if name is None:  # the sensor that is called like its joint
-            assert (one.what, one.text) in (("sensor", "wag"), ("sensor", "x_wag"))
+            assert (one.kind, one.text) in (("sensor", "wag"), ("sensor", "x_wag"))
             continue
         try:
             sight = rename_edits(sight, name, new + name.text.removeprefix(old)).after
         except RenameRefused as fault:
-            refused[f"{name.what} {name.text}"] = str(fault)
+            refused[f"{name.kind} {name.text}"] = str(fault)
     return sight, refused
 
 
@@ -107,8 +107,8 @@ def test_every_name_of_the_walker_can_be_renamed_and_back(walker: WorkspaceIndex
     for path in after.documents:
         (new / Path(path).name).write_text(after.read(path) or "")
     changes = [one for one in compare(drawn(old, shared_store), drawn(new, shared_store)).changes if one.change != "renamed"]
-    before = Counter(plain((one.what, one.path, one.field, one.old)) for one in changes if one.old is not None)
-    assert before == Counter(plain((one.what, one.new_path or one.path, one.field, one.new)) for one in changes if one.new is not None)
+    before = Counter(plain((one.kind, one.path, one.field, one.old)) for one in changes if one.old is not None)
+    assert before == Counter(plain((one.kind, one.new_path or one.path, one.field, one.new)) for one in changes if one.new is not None)
     assert not [one for one in changes if one.old is None and one.new is None]
     assert len(plan(str(new / "study.yaml")).axes) == len(plan(str(old / "study.yaml")).axes) == 3
     again, refused = exchanged(after, "x_", "")
@@ -145,8 +145,8 @@ def test_rename_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys:
 def test_names_of_both_robots_can_be_renamed_and_back() -> None:
     """A sample of the names. `rename_edits` refuses a rename that changes the meaning of any reference."""
     sight = seen(ROOT)
-    assert [name for name in sight.index.by_name if sight.index.find_declaration(name) is None and name.what != "document"] == []
-    names = [name for name in sight.index.by_name if name.what in ("component", "joint", "parameter", "pose", "mode", "export", "test")]
+    assert [name for name in sight.index.by_name if sight.index.find_declaration(name) is None and name.kind != "document"] == []
+    names = [name for name in sight.index.by_name if name.kind in ("component", "joint", "parameter", "pose", "mode", "export", "test")]
     for name in random.Random(15).sample(names, 6):
         done = rename_edits(sight, name, f"x_{name.text}")
         again = rename_edits(done.after, replace(name, text=f"x_{name.text}"), name.text)

@@ -147,12 +147,12 @@ def test_windows_paths_are_written_with_slashes(on_windows: Workspace) -> None:
     assert found is not None and PureWindowsPath(found) == PureWindowsPath("C:/robots/rover/legs/leg.yaml")
     assert on_windows.contains(found) and on_windows.relative(found) == "legs/leg.yaml"
     assert not on_windows.contains("C:\\robots\\rover2\\leg.yaml") and not on_windows.contains("D:\\robots\\rover\\leg.yaml")
-    assert paths.find_assembly("../legs/leg.yaml", beside=document, where=None, workspace=on_windows, report=Report()) == found
+    assert paths.find_assembly("../legs/leg.yaml", relative_to=document, where=None, workspace=on_windows, report=Report()) == found
 
 
 @pytest.mark.parametrize("text", ["C:\\x.yaml", "C:/x.yaml", "C:x.yaml", "\\\\server\\x.yaml", "/x.yaml", "..\\..\\x.yaml", "../../x.yaml"])
 def test_paths_outside_the_workspace_are_errors_on_windows(text: str, on_windows: Workspace) -> None:
     report = Report()
     beside = "C:\\robots\\rover\\rover.yaml"
-    assert paths.find_assembly(text, beside=beside, where=None, workspace=on_windows, report=report) is None
+    assert paths.find_assembly(text, relative_to=beside, where=None, workspace=on_windows, report=report) is None
     assert [one.code.code for one in report.diagnostics] == ["TC114"]

@@ -9,7 +9,7 @@ from thingc.base.units import LENGTH, MASS, NUMBER, Quantity
 from thingc.documents.expressions.terms import Expression
 from thingc.documents.load.documents import Documents, load
 from thingc.documents.spec.assembly import AssemblySpec
-from thingc.documents.spec.settable_values import current_value, stated_choices
+from thingc.documents.spec.settable_values import current_choices, current_value
 from thingc.documents.spec.validation import validate
 from thingc.documents.workspace import Workspace
 
@@ -66,7 +66,7 @@ def test_missing_values_are_none(tmp_path: Path) -> None:
 def test_choices_include_only_own_components(tmp_path: Path) -> None:
     spec = validate(documents(tmp_path), Report())["robot.yaml"]
     assert isinstance(spec, AssemblySpec)
-    assert stated_choices(spec) == {
+    assert current_choices(spec) == {
         "defaults.component.material": "PLA", "components.plate.part": "arm:Plate",
         "components.leg.assembly": "leg.yaml", "components.leg.material": "PETG",
     }

@@ -11,7 +11,7 @@ from thingc.base.source import Document, Path, ScalarNode, format_path, node_at
 from thingc.base.suggestions import Hint
 from thingc.base.units import NUMBER, Quantity, shorten
 from thingc.batch.values import Paths, as_value, evenly_spaced, is_whole, of_kind, spaced_si
-from thingc.documents.expressions.evaluation import ExpressionValue, kind_of, plain, words_of
+from thingc.documents.expressions.evaluation import ExpressionValue, format_value, kind_of, plain
 from thingc.documents.expressions.terms import Expression
 from thingc.documents.expressions.value_text import text_of
 from thingc.documents.spec.variants import AxisSpec
@@ -105,7 +105,7 @@ class AxisParser:
         if sound is None and kind is not None:
             self._error(
                 Code.VARIANT_VALUE,
-                f"values at one path must have the same kind: found {kind_of(value)}, but `{words_of(kind)}` elsewhere", path,
+                f"values at one path must have the same kind: found {kind_of(value)}, but `{format_value(kind)}` elsewhere", path,
             )
         return sound
 
@@ -140,7 +140,7 @@ class AxisParser:
             key = (type(value), plain(value))
             if key in first:
                 self.report.warn(
-                    Code.DUPLICATE_VARIANT, f"`{words_of(value)}` is listed twice, so thingc builds its variants only once",
+                    Code.DUPLICATE_VARIANT, f"`{format_value(value)}` is listed twice, so thingc builds its variants only once",
                     self.document.span((*path, index)), help="remove one of the two values", path=format_path(path),
                     notes=[Note(message="also listed here", span=self.document.span((*path, first[key])))],
                 )
@@ -177,7 +177,7 @@ class AxisParser:
             if not isinstance(end, Quantity):
                 self._error(
                     Code.VARIANT_VALUE, f"the range of `{name}` needs two numbers, found {kind_of(end)}", (*path, index),
-                    help=f"list its values under `parameters` to draw from them: `{name}: [{shorten(words_of(end))}, ...]`",
+                    help=f"list its values under `parameters` to draw from them: `{name}: [{shorten(format_value(end))}, ...]`",
                 )
                 return None
         assert isinstance(low, Quantity) and isinstance(high, Quantity)

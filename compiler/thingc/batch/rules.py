@@ -161,7 +161,7 @@ def _dimensions_agree(report: Report, document: Document, path: Path, rule: Rule
 
 
 def _report(report: Report, document: Document, path: Path, message: Hint, offset: int, end: int, help: Hint | None) -> None:
-    from thingc.documents.spec.validation_messages import within  # imports pydantic
+    from thingc.documents.spec.validation_messages import span_within  # imports pydantic
 
-    where = within(document, path, offset, end) or document.span(path)
+    where = span_within(document, path, offset, end) or document.span(path)
     report.add(Code.RULE, message, where, help=help, path=f"keep[{path[-1]}]")

@@ -21,7 +21,7 @@ from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.documents.load.documents import load
 from thingc.documents.load.paths import find_assembly
 from thingc.documents.spec.assembly import AssemblySpec
-from thingc.documents.spec.settable_values import stated_choices
+from thingc.documents.spec.settable_values import current_choices
 from thingc.documents.spec.validation import validate_one
 from thingc.documents.spec.variants import AxisSpec, Method, VariantsSpec
 from thingc.documents.workspace import Workspace
@@ -91,7 +91,8 @@ def read_plan(path: str, options: Options, report: Report, lend: Lend | None = N
     spec = validate_one(document, report)
     if not isinstance(spec, VariantsSpec):
         return None
-    assembly = find_assembly(spec.assembly, beside=document.path, where=document.span(("assembly",)), workspace=workspace, report=report)
+    where = document.span(("assembly",))
+    assembly = find_assembly(spec.assembly, relative_to=document.path, where=where, workspace=workspace, report=report)
     if assembly is None:
         return None
     with Environment(assembly, options, lend) as environment:
@@ -148,7 +149,7 @@ class _Planner:
             name=self.spec.name, assembly=root.path, assembly_relative=root.relative,
             assembly_spec=assembly, model=model, workspace=self.workspace, own=parameter_values, paths=paths,
             written_in=dict(self.units((*parameter_values, *paths.kinds))),
-            own_choices=stated_choices(assembly), fixed=fixed, listed=listed,
+            own_choices=current_choices(assembly), fixed=fixed, listed=listed,
             axes=(*drawn_axes, *axes, *choice_axes), method=method, drawn=sample_count, seed=seed, rules=tuple(rules),
             modes=tuple(self.spec.modes or (mode.name for mode in model.modes)), chosen_modes=tuple(self.spec.modes),
             pose=self.spec.pose, reach=(self.spec.reach.of, self.spec.reach.from_) if self.spec.reach is not None else None,
@@ -220,7 +221,7 @@ class _Planner:
     def document_exists(self, text: str, at: Path) -> bool:
         """Return whether the document that a choice selects exists. A missing document is reported as an error."""
         return find_assembly(
-            text, beside=self.document.path, where=self.document.span(at), workspace=self.workspace, report=self.report,
+            text, relative_to=self.document.path, where=self.document.span(at), workspace=self.workspace, report=self.report,
         ) is not None
 
     def is_valid_choice(self, path: str, text: str, at: Path) -> bool:

@@ -125,7 +125,7 @@ class Workspace:
         for path in settings_files(document):
             folder, name = os.path.split(path)
             try:
-                data = texts[path] if texts and path in texts else _bytes(path)
+                data = texts[path] if texts and path in texts else _read_workspace_file(path)
             except OSError as error:
                 report.add(Code.UNREADABLE, f"cannot read `{name}`: {(error.strerror or 'an error').lower()}", None)
                 return None
@@ -159,7 +159,7 @@ class Workspace:
         from thingc.documents.load.documents import read_tree
 
         prefix: Path = () if os.path.basename(self.origin.file) == OWN_FILE else ("tool", "thingc")
-        tree = read_tree(self.origin.file, _bytes(self.origin.file) or b"", Report())
+        tree = read_tree(self.origin.file, _read_workspace_file(self.origin.file) or b"", Report())
         node = node_at(tree, (*prefix, *path)) if tree is not None else None
         return node.span if node is not None else self.origin
 
@@ -185,7 +185,7 @@ def _inside(path: str, root: str) -> bool:
     return real == top or real.startswith(top.rstrip(os.sep) + os.sep)
 
 
-def _existing(root: str, names: tuple[str, ...], inputs: dict[str, str | None]) -> tuple[str, ...]:
+def _existing_folders(root: str, names: tuple[str, ...], inputs: dict[str, str | None]) -> tuple[str, ...]:
     """Return the absolute paths of the folders in `names` that exist in the workspace.
 
     Missing folders are recorded in `inputs`, because the workspace changes if such a folder is created.
@@ -195,7 +195,7 @@ def _existing(root: str, names: tuple[str, ...], inputs: dict[str, str | None]) 
     return tuple(folder for folder in folders if folder not in inputs)
 
 
-def _bytes(path: str) -> bytes | None:
+def _read_workspace_file(path: str) -> bytes | None:
     """Return the content of a workspace file, or None if the file does not exist.
 
     For a file above the maximum size, only one byte more than the maximum is read. Raises OSError if the file cannot be read.
@@ -262,14 +262,14 @@ class _Fault(FrozenStruct, kw_only=False):
     help: Hint | None = None
 
 
-_Read = Callable[[Any, Path, list[_Fault]], Any]
+_ReadFunction = Callable[[Any, Path, list[_Fault]], Any]
 """A function that converts the value at a path of a workspace file. Invalid numbers are added to the list.
 
 Raises `ValueError` or `TypeError` for values that the document model does not accept.
 """
 
 
-def _text(choices: Collection[str] = ()) -> _Read:
+def _text(choices: Collection[str] = ()) -> _ReadFunction:
     """Return a function that reads a string. If `choices` is not empty, the string must be one of the choices."""
     def read(value: Any, path: Path, faults: list[_Fault]) -> str:
         if not isinstance(value, str) or (choices and value not in choices):
@@ -279,17 +279,17 @@ def _text(choices: Collection[str] = ()) -> _Read:
     return read
 
 
-def _list(item: _Read, count: int | None = None) -> _Read:
-    """Return a function that reads a list with the function `item`. If `count` is given, the list must have this many items."""
+def _list(item: _ReadFunction, count: int | None = None) -> _ReadFunction:
+    """Return a function that reads a list, whose items the function `item` reads. If `count` is given, the list must have this length."""
     def read(value: Any, path: Path, faults: list[_Fault]) -> tuple[Any, ...]:
         if not isinstance(value, list) or count not in (None, len(value)):
             raise TypeError
-        return tuple(item(one, (*path, index), faults) for index, one in enumerate(value))
+        return tuple(item(entry, (*path, index), faults) for index, entry in enumerate(value))
 
     return read
 
 
-def _number(dimension: Dimension, most: float = math.inf) -> _Read:
+def _number(dimension: Dimension, maximum: float = math.inf) -> _ReadFunction:
     """Return a function that reads a quantity above 0 and converts it to SI units."""
     def read(value: Any, path: Path, faults: list[_Fault]) -> float:
         if isinstance(value, str) and value.lstrip().startswith("="):
@@ -298,15 +298,15 @@ def _number(dimension: Dimension, most: float = math.inf) -> _Read:
         quantity = check_dimension(parse_quantity(value) if isinstance(value, str) else Quantity(value + 0.0), (dimension,), str(value))
         if quantity.value <= 0.0:
             faults.append(_Fault(path, Code.BAD_QUANTITY, f"expected a value above 0, found `{quantity}`"))
-        elif quantity.value > most:
-            faults.append(_Fault(path, Code.BAD_QUANTITY, f"expected a time of at most {most:.0f} s, found `{quantity}`"))
+        elif quantity.value > maximum:
+            faults.append(_Fault(path, Code.BAD_QUANTITY, f"expected a time of at most {maximum:.0f} s, found `{quantity}`"))
         return quantity.value
 
     return read
 
 
 def _memory(value: Any, path: Path, faults: list[_Fault]) -> int:
-    """Convert an amount of memory such as `4 GB` to a number of bytes."""
+    """Convert an amount of memory such as `4 GB` to a number of bytes. Raises `ValueError` or `TypeError` for other values."""
     if (match := re.fullmatch(MEMORY, value)) is None:
         raise ValueError
     return int(match[1], 10) * {"MB": 1_000_000, "GB": 1_000_000_000}[match[2]]
@@ -323,16 +323,16 @@ def _mapping(value: Any, keys: Collection[str]) -> dict[str, Any]:
 
 
 def _tessellations(value: Any, path: Path, faults: list[_Fault]) -> tuple[Tessellation, Tessellation]:
-    """Read the tessellation for printing and the tessellation for simulators, whose tolerances are at least as large by default."""
-    fine = {key: one for key, one in _mapping(value, (*_TOLERANCES, "simulation")).items() if key in _TOLERANCES}
+    """Read the tessellations for printing and for simulators. By default, the tolerances for simulators are at least as large."""
+    fine = {key: tolerance for key, tolerance in _mapping(value, (*_TOLERANCES, "simulation")).items() if key in _TOLERANCES}
     coarse = _mapping(value.get("simulation", {}), _TOLERANCES)
-    mesh = replace(DEFAULT_MESH, **{key: _TOLERANCES[key](one, (*path, key), faults) for key, one in fine.items()})
-    given = {key: _TOLERANCES[key](one, (*path, "simulation", key), faults) for key, one in coarse.items()}
-    return mesh, replace(DEFAULT_SIMULATION.coarser(mesh), **given)
+    mesh = replace(DEFAULT_MESH, **{key: _TOLERANCES[key](tolerance, (*path, key), faults) for key, tolerance in fine.items()})
+    coarse_settings = {key: _TOLERANCES[key](tolerance, (*path, "simulation", key), faults) for key, tolerance in coarse.items()}
+    return mesh, replace(DEFAULT_SIMULATION.coarser(mesh), **coarse_settings)
 
 
-_TOLERANCES: Mapping[str, _Read] = {"linear": _number(LENGTH), "angular": _number(ANGLE)}
-_KEYS: Mapping[str, _Read] = {
+_TOLERANCES: Mapping[str, _ReadFunction] = {"linear": _number(LENGTH), "angular": _number(ANGLE)}
+_KEYS: Mapping[str, _ReadFunction] = {
     "parts": _list(_text()), "packages": _list(_text()), "build": _text(), "emit": _list(_text()), "mesh_uri": _text(MESH_URIS),
     "about": _read_package_info, "compat": _list(_text(CONSUMERS)), "part_timeout": _number(TIME, LONGEST), "part_memory": _memory,
     "bed": _list(_number(LENGTH), 3), "mesh": _tessellations,
@@ -356,7 +356,7 @@ def _workspace(settings: Mapping[str, Any], root: str, span: Span | None, inputs
     """Create a workspace from the valid settings of its file."""
     mesh, simulation = settings.get("mesh", (DEFAULT_MESH, DEFAULT_SIMULATION))
     return Workspace(**{
-        **settings, "root": root, "parts": _existing(root, settings.get("parts", DEFAULT_PARTS), inputs), "mesh": mesh,
+        **settings, "root": root, "parts": _existing_folders(root, settings.get("parts", DEFAULT_PARTS), inputs), "mesh": mesh,
         "simulation": simulation, "build": os.path.normpath(os.path.join(root, settings.get("build", DEFAULT_BUILD))), "origin": span,
         "inputs": inputs,
     })
@@ -367,13 +367,13 @@ MAX_FOLDERS = 100
 
 def _folder_fault(text: str, root: str) -> tuple[str, str] | None:
     """Return an error and a hint for an invalid path in the workspace file, or None if the path is inside the workspace."""
-    shown = shorten(text)
+    name = shorten(text)
     if not text.strip() or "\0" in text:
-        return f"expected a folder, found `{shown}`", "write the name of a folder, or `.` for the folder of `thingc.toml`"
+        return f"expected a folder, found `{name}`", "write the name of a folder, or `.` for the folder of `thingc.toml`"
     if os.path.isabs(text) or text.startswith("~"):
-        return f"`{shown}` is an absolute path", "write a path relative to `thingc.toml`"
+        return f"`{name}` is an absolute path", "write a path relative to `thingc.toml`"
     if not _inside(os.path.join(root, text), root):
-        return f"`{shown}` is outside the workspace", "use a folder inside the folder of `thingc.toml`"
+        return f"`{name}` is outside the workspace", "use a folder inside the folder of `thingc.toml`"
     return None
 
 
@@ -382,14 +382,14 @@ def _folder_faults(settings: Mapping[str, Any], root: str) -> Iterator[_Fault]:
         if len(settings.get(key, ())) > MAX_FOLDERS:
             yield _Fault((key,), Code.TOO_LARGE, f"the workspace lists more than {MAX_FOLDERS} {key}")
             return
-    named: list[tuple[str, Path]] = [(text, ("parts", index)) for index, text in enumerate(settings.get("parts", DEFAULT_PARTS))]
-    for text, path in [*named, (settings.get("build", DEFAULT_BUILD), ("build",))]:
+    paths: list[tuple[str, Path]] = [(text, ("parts", index)) for index, text in enumerate(settings.get("parts", DEFAULT_PARTS))]
+    for text, path in [*paths, (settings.get("build", DEFAULT_BUILD), ("build",))]:
         fault = _folder_fault(text, root)
         if fault is not None:
             yield _Fault(path, Code.OUTSIDE_WORKSPACE, *fault)
         elif path != ("build",) and "parts" in settings and not os.path.isdir(os.path.join(root, text)):
-            here = [entry.name for entry in os.scandir(root) if entry.is_dir() and not entry.name.startswith(".")]
-            help = did_you_mean(text, here, what="folders")
+            folders = [entry.name for entry in os.scandir(root) if entry.is_dir() and not entry.name.startswith(".")]
+            help = did_you_mean(text, folders, what="folders")
             yield _Fault(path, Code.WORKSPACE_FOLDER, f"the workspace has no folder `{shorten(text)}`", help)
 
 

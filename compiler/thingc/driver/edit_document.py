@@ -15,7 +15,7 @@ from thingc.base.source import Document, MappingNode, Node, SequenceNode, Span, 
 from thingc.documents.format.value_edits import CannotSetValue, Keys, Written, changes, set_values
 from thingc.documents.load.documents import Documents, load
 from thingc.documents.load.yaml_tree import is_flow, read_flow
-from thingc.documents.spec.settable_values import in_full, parse, split_nested
+from thingc.documents.spec.settable_values import expand_short_form, parse, split_nested
 from thingc.documents.spec.validation import validate
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
@@ -51,7 +51,7 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
     if elsewhere:
         return EditResult(found=tuple(elsewhere))
     values = {keys_of(root, path): text for path, text in given.items()}
-    short = [inner for keys in values if (inner := in_full(root.tree, keys)) is not None]
+    short = [inner for keys in values if (inner := expand_short_form(root.tree, keys)) is not None]
     try:
         full = set_values(root, {keys: _texts(node) for keys, node in short})
         text = set_values(full, {keys: _parse_value(text) for keys, text in values.items()}).text

@@ -23,7 +23,7 @@ from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.expressions.value_text import text_of
 from thingc.documents.load.documents import Documents
 from thingc.documents.spec.assembly import AssemblySpec
-from thingc.documents.spec.settable_values import SECTIONS, current_value, dimension_stated, nested_document, stated_parameter
+from thingc.documents.spec.settable_values import SECTIONS, current_value, joint_value_dimension, nested_document, nested_parameter_value
 from thingc.model.resolve.parameters import AssemblyParameters
 from thingc.model.resolve.raw import text as attribute_text
 from thingc.model.resolve.resolver import Settings, Sources
@@ -90,7 +90,7 @@ class SettingsReader:
                     stated = None
             if stated is not None:
                 return stated
-        return stated_parameter(self._documents, path)
+        return nested_parameter_value(self._documents, path)
 
     def matching_names(self, name: str) -> tuple[str, ...]:
         """Return the names of all parameters or paths that match a pattern, such as `leg_*` or `joints.*.dynamics.damping`.
@@ -178,7 +178,7 @@ class SettingsReader:
             number = float(value) + 0.0
         except (TypeError, ValueError, OverflowError):
             return None
-        if kind is None and "." in name and (dimension := dimension_stated(self._documents, name)) is not None:
+        if kind is None and "." in name and (dimension := joint_value_dimension(self._documents, name)) is not None:
             kind = self._kinds[name] = Quantity(number, dimension)
         return number if isinstance(kind, Quantity) else None
 

@@ -16,7 +16,7 @@ from thingc.batch.plans.tape import Number
 from thingc.documents.expressions.evaluation import evaluate
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
-from thingc.documents.spec.settable_values import stated_node
+from thingc.documents.spec.settable_values import node_in_full
 from thingc.driver.settings import ParsedSettings, SettingsReader
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ class DocumentNumbers:
         """
         from thingc.driver.edit_document import keys_of
 
-        nodes = {name: stated_node(self._root.tree, keys_of(self._root, name)) for name in names}
+        nodes = {name: node_in_full(self._root.tree, keys_of(self._root, name)) for name in names}
         return {name: node for name, node in nodes.items() if isinstance(node, ScalarNode) and not node.text.startswith("=")}
 
     def _bound_of(self, name: str, key: str) -> float | None:

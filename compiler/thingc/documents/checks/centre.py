@@ -63,14 +63,14 @@ class CentreCheck(OneLineRepr, FrozenStruct):
     box: dict[str, tuple[float, float]]
 
 
-def read_centre(written: CentreTest, reader: Reader) -> CentreCheck:
+def read_centre(spec: CentreTest, reader: Reader) -> CentreCheck:
     """Parse the keys of a `centre` test."""
     box: dict[str, tuple[float, float]] = {}
     for axis in ("x", "y", "z"):
-        bounds = getattr(written.within, axis)
+        bounds = getattr(spec.within, axis)
         if bounds is not None:
             box[axis] = reader.interval(bounds, ("within", axis), LENGTH, f"a bound on {axis}")
-    return CentreCheck(of=reader.components(written.of, "of"), frame=reader.mount(written.in_, "in"), box=box)
+    return CentreCheck(of=reader.components(spec.of, "of"), frame=reader.mount(spec.in_, "in"), box=box)
 
 
 KIND = CheckKind(

@@ -9,7 +9,7 @@ from pydantic import Field
 from thingc.base.diagnostics import Code
 from thingc.base.units import NUMBER
 from thingc.documents.checks.kind import CheckKind
-from thingc.documents.checks.torque_margin import TorqueCheck, left_out, link
+from thingc.documents.checks.torque_margin import TorqueCheck, link, unused_drives
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import NumberField
 from thingc.documents.spec.name_types import JointNames, ModeNames, MotionField
@@ -37,25 +37,26 @@ class DriveCheck(TorqueCheck):
     motion: str
 
 
-def read_drive_margin(written: DriveMarginTest, reader: Reader) -> DriveCheck:
+def read_drive_margin(spec: DriveMarginTest, reader: Reader) -> DriveCheck:
     """Parse the keys of a `drive_margin` test. Modes with a free base, whose motion is unknown, are reported."""
-    minimum = reader.number(written.min, "min", NUMBER, above=0.0)
-    joints = reader.drives(written.drive, "drive")
-    reader.motion(written.motion, "motion")
+    minimum = reader.number(spec.min, "min", NUMBER, above=0.0)
+    joints = reader.drives(spec.drive, "drive")
+    reader.motion(spec.motion, "motion")
     unusable = {
         name: "has a free base, whose motion is unknown" if mode.base == "free" else f"does not use the drive of joint `{joints[0]}`"
-        for name, mode in reader.modes.items() if mode.base == "free" or (joints and len(left_out(joints, mode)) == len(joints))
+        for name, mode in reader.modes.items() if mode.base == "free" or (joints and len(unused_drives(joints, mode)) == len(joints))
     }
-    if written.mode is None:
+    if spec.mode is None:
         reader.chosen_modes = tuple(name for name in reader.modes if name not in unusable) or reader.chosen_modes
-    wrong = [name for name in reader.chosen_modes if name in unusable]
-    if wrong:
-        others = ", ".join(f"`{name}`" for name in reader.modes if name not in unusable)
+    wrong_modes = [name for name in reader.chosen_modes if name in unusable]
+    if wrong_modes:
+        usable_modes = ", ".join(f"`{name}`" for name in reader.modes if name not in unusable)
+        message = f"mode `{wrong_modes[0]}` {unusable[wrong_modes[0]]}"
         reader.error(
-            Code.TEST, f"mode `{wrong[0]}` {unusable[wrong[0]]}", "mode" if written.mode is not None else (), on_key=written.mode is None,
-            help=f"use mode {others}" if others else "add a mode with `base: fixed` that uses the drives",
+            Code.TEST, message, "mode" if spec.mode is not None else (), on_key=spec.mode is None,
+            help=f"use mode {usable_modes}" if usable_modes else "add a mode with `base: fixed` that uses the drives",
         )
-    return DriveCheck(joints=joints, minimum=minimum, motion=written.motion)
+    return DriveCheck(joints=joints, minimum=minimum, motion=spec.motion)
 
 
 KIND = CheckKind(

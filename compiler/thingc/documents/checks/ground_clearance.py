@@ -48,11 +48,11 @@ class GroundClearance(OneLineRepr, FrozenStruct):
     spared: tuple[Reference, ...]
 
 
-def read_ground_clearance(written: GroundClearanceTest, reader: Reader) -> GroundClearance:
+def read_ground_clearance(spec: GroundClearanceTest, reader: Reader) -> GroundClearance:
     """Parse the keys of a `ground_clearance` test."""
-    plane = reader.number(written.plane, "plane", LENGTH, default=0.0)
-    least = reader.number(written.at_least, "at_least", LENGTH, least=0.0)
-    spared = [reference for index, text in enumerate(written.except_) for reference in reader.components(text, ("except", index))]
+    plane = reader.number(spec.plane, "plane", LENGTH, default=0.0)
+    least = reader.number(spec.at_least, "at_least", LENGTH, least=0.0)
+    spared = [reference for index, text in enumerate(spec.except_) for reference in reader.components(text, ("except", index))]
     return GroundClearance(plane=plane, least=least, spared=tuple(spared))
 
 

@@ -27,20 +27,18 @@ def require_bounds(low: object, high: object, kind: str, example: str) -> None:
         raise rule(f"a `{kind}` test needs `min`, `max` or both", f"write, for example, `{example}`")
 
 
-Written = TypeVar("Written", bound=Model)
-Stated = TypeVar("Stated", bound=OneLineRepr)
+TestModel = TypeVar("TestModel", bound=Model)
+Specification = TypeVar("Specification", bound=OneLineRepr)
 
 
-class CheckKind(FrozenStruct, Generic[Written, Stated]):
+class CheckKind(FrozenStruct, Generic[TestModel, Specification]):
     """A type of document test, such as `mass`. The class `TestMeasurement` in `driver/testing/outcomes.py` defines the measurement.
 
     `name` is the key of the test in documents, and `model` is the pydantic model of its value. If the model has a field `mode`, the test
-    runs once for each mode. If the model has a field `pose`, the test runs once for each pose. `read(written, reader)` converts the value
-    to a specification in SI units with resolved names. If the value is invalid, the reader reports the error and `read` returns None. The
-    pass `link` finds the references in the specification by their type, and resolves them.
-
-    `link(test, stated, joints by path, findings)` reports errors that
-    depend on the linked assembly.
+    runs once for each mode. If the model has a field `pose`, the test runs once for each pose. `read(value, reader)` converts the value to
+    a specification in SI units with resolved names. If the value is invalid, the reader reports the error and `read` returns None. The pass
+    `link` finds the references in the specification by their type, and resolves them. Then `link(test, specification, joints by path,
+    findings)` reports errors that depend on the linked assembly.
 
     `position` determines the order of the tests in the documentation. `summary` is one sentence for the schema and the documentation, and
     `examples` contains example values. `stub` is the content of a new test of this type, with the placeholders `$mount` and `$base` for
@@ -53,9 +51,9 @@ class CheckKind(FrozenStruct, Generic[Written, Stated]):
     summary: str
     examples: Sequence[Mapping[str, Any]]
     stub: Mapping[str, str | Sequence[str] | Mapping[str, Sequence[str]]]
-    model: type[Written]
-    read: Callable[[Written, Reader], Stated | None]
-    link: Callable[[Test, Stated, Mapping[str, JointEdge | LinkedTendon], LinkReport], None] | None = None
+    model: type[TestModel]
+    read: Callable[[TestModel, Reader], Specification | None]
+    link: Callable[[Test, Specification, Mapping[str, JointEdge | LinkedTendon], LinkReport], None] | None = None
     lengths: Sequence[str] = ()
     of_limits: bool = False
 

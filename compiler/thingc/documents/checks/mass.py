@@ -43,10 +43,10 @@ class MassCheck(OneLineRepr, FrozenStruct):
     maximum: float | None
 
 
-def read_mass(written: MassTest, reader: Reader) -> MassCheck:
+def read_mass(spec: MassTest, reader: Reader) -> MassCheck:
     """Parse the keys of a `mass` test."""
-    low, high = reader.bounds(written.min, written.max, MASS, "the mass")
-    return MassCheck(of=reader.components(written.of, "of"), minimum=low, maximum=high)
+    low, high = reader.bounds(spec.min, spec.max, MASS, "the mass")
+    return MassCheck(of=reader.components(spec.of, "of"), minimum=low, maximum=high)
 
 
 KIND = CheckKind(

@@ -101,24 +101,24 @@ class CollisionCheck(OneLineRepr, FrozenStruct):
     allow: tuple[AllowedContact, ...]
 
 
-def read_no_collision(written: NoCollisionTest, reader: Reader) -> CollisionCheck:
+def read_no_collision(spec: NoCollisionTest, reader: Reader) -> CollisionCheck:
     """Parse the keys of a `no_collision` test."""
-    samples = reader.number(written.samples, "samples", NUMBER, least=1.0, most=float(MOST_SAMPLES), default=float(SAMPLES))
+    samples = reader.number(spec.samples, "samples", NUMBER, least=1.0, most=float(MOST_SAMPLES), default=float(SAMPLES))
     if samples % 1.0 > 0.0:
         reader.error(Code.VALUE_KIND, f"`samples` must be a whole number, found {samples:g}", "samples")
     return CollisionCheck(
-        samples=int(samples) if reader.sound else SAMPLES, ranges=tuple(reader.ranges(written.joints, "joints")),
-        certify=written.certify,
-        clearance=reader.number(written.clearance, "clearance", LENGTH, least=0.0, default=0.0),
-        allow=tuple(_allowance(said, reader, index) for index, said in enumerate(written.allow)),
+        samples=int(samples) if reader.sound else SAMPLES, ranges=tuple(reader.ranges(spec.joints, "joints")),
+        certify=spec.certify,
+        clearance=reader.number(spec.clearance, "clearance", LENGTH, least=0.0, default=0.0),
+        allow=tuple(_read_allowance(entry, reader, index) for index, entry in enumerate(spec.allow)),
     )
 
 
-def _allowance(said: AllowSpec, reader: Reader, index: int) -> AllowedContact:
+def _read_allowance(entry: AllowSpec, reader: Reader, index: int) -> AllowedContact:
     """Parse an entry under `allow`: a pair of components that may touch each other, and the reason."""
-    one, other = (reader.components(text, ("allow", index, "pair", side)) for side, text in enumerate(said.pair))
+    one, other = (reader.components(text, ("allow", index, "pair", side)) for side, text in enumerate(entry.pair))
     return AllowedContact(
-        one=one, other=other, text=f"`{said.pair[0]}` and `{said.pair[1]}`", reason=said.reason.strip(),
+        one=one, other=other, text=f"`{entry.pair[0]}` and `{entry.pair[1]}`", reason=entry.reason.strip(),
         origin=reader.origin(("allow", index, "pair")),
     )
 

@@ -65,23 +65,23 @@ class PointCheck(OneLineRepr, FrozenStruct):
     angle: float
 
 
-def read_point(written: PointTest, reader: Reader) -> PointCheck | None:
+def read_point(spec: PointTest, reader: Reader) -> PointCheck | None:
     """Parse the keys of a `point` test. If the test is invalid, report the error and return None."""
-    mount, frame = reader.mount(written.mount, "mount"), reader.mount(written.in_, "in")
-    at = reader.vector(written.at, "at", LENGTH)
-    within = reader.number(written.within, "within", LENGTH, above=0.0)
+    mount, frame = reader.mount(spec.mount, "mount"), reader.mount(spec.in_, "in")
+    point = reader.vector(spec.at, "at", LENGTH)
+    within = reader.number(spec.within, "within", LENGTH, above=0.0)
     direction = None
-    if written.direction is not None:
-        what = "a component of `direction`"
-        x, y, z = (reader.number(value, ("direction", index), NUMBER, what) for index, value in enumerate(written.direction))
+    if spec.direction is not None:
+        description = "a component of `direction`"
+        x, y, z = (reader.number(value, ("direction", index), NUMBER, description) for index, value in enumerate(spec.direction))
         length = hypot(x, y, z)
         if length == 0.0:
             reader.error(Code.OUT_OF_RANGE, "`direction` must not be zero", "direction", help="write, for example, `direction: [0, 0, -1]`")
         direction = (x / length, y / length, z / length) if length > 0.0 else None
-    angle = reader.number(written.angle, "angle", ANGLE, above=0.0, default=ANGLE_OFF)
-    if mount is None or at is None:
+    angle = reader.number(spec.angle, "angle", ANGLE, above=0.0, default=ANGLE_OFF)
+    if mount is None or point is None:
         return None
-    return PointCheck(mount=mount, point=at, frame=frame, within=within, direction=direction, angle=angle)
+    return PointCheck(mount=mount, point=point, frame=frame, within=within, direction=direction, angle=angle)
 
 
 KIND = CheckKind(

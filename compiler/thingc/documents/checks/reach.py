@@ -48,10 +48,10 @@ class ReachCheck(OneLineRepr, FrozenStruct):
     maximum: float | None
 
 
-def read_reach(written: ReachTest, reader: Reader) -> ReachCheck | None:
+def read_reach(spec: ReachTest, reader: Reader) -> ReachCheck | None:
     """Parse the keys of a `reach` test. If the test is invalid, report the error and return None."""
-    of, base = reader.mount(written.of, "of"), reader.mount(written.from_, "from")
-    low, high = reader.bounds(written.min, written.max, LENGTH, "the reach")
+    of, base = reader.mount(spec.of, "of"), reader.mount(spec.from_, "from")
+    low, high = reader.bounds(spec.min, spec.max, LENGTH, "the reach")
     return ReachCheck(of=of, base=base, minimum=low, maximum=high) if of is not None and base is not None else None
 
 

@@ -63,14 +63,14 @@ class SettleCheck(OneLineRepr, FrozenStruct):
     floor: bool
 
 
-def read_settles(written: SettlesTest, reader: Reader) -> SettleCheck:
+def read_settles(spec: SettlesTest, reader: Reader) -> SettleCheck:
     """Parse the keys of a `settles` test."""
-    within = reader.number(written.within, "within", TIME, above=0.0, most=LONGEST)
-    drift = reader.number(written.drift, "drift", LENGTH, above=0.0)
-    hold = reader.number(written.for_, "for", TIME, above=0.0, most=LONGEST, default=HOLD)
-    moved = None if written.moved is None else reader.number(written.moved, "moved", LENGTH, above=0.0)
-    penetration = reader.number(written.penetration, "penetration", LENGTH, above=0.0, default=GIVES)
-    return SettleCheck(within=within, drift=drift, hold=hold, moved=moved, penetration=penetration, floor=written.floor)
+    within = reader.number(spec.within, "within", TIME, above=0.0, most=LONGEST)
+    drift = reader.number(spec.drift, "drift", LENGTH, above=0.0)
+    hold = reader.number(spec.for_, "for", TIME, above=0.0, most=LONGEST, default=HOLD)
+    moved = None if spec.moved is None else reader.number(spec.moved, "moved", LENGTH, above=0.0)
+    penetration = reader.number(spec.penetration, "penetration", LENGTH, above=0.0, default=GIVES)
+    return SettleCheck(within=within, drift=drift, hold=hold, moved=moved, penetration=penetration, floor=spec.floor)
 
 
 KIND = CheckKind(

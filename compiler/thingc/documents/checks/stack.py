@@ -67,18 +67,18 @@ class StackCheck(OneLineRepr, FrozenStruct):
     share: float | None
 
 
-def read_stack(written: StackTest, reader: Reader) -> StackCheck | None:
+def read_stack(spec: StackTest, reader: Reader) -> StackCheck | None:
     """Parse the keys of a `stack` test. If the test is invalid, report the error and return None."""
-    of, base = reader.mount(written.of, "of"), reader.mount(written.from_, "from")
-    x, y, z = (reader.number(value, ("along", index), NUMBER, "a component of `along`") for index, value in enumerate(written.along))
+    of, base = reader.mount(spec.of, "of"), reader.mount(spec.from_, "from")
+    x, y, z = (reader.number(value, ("along", index), NUMBER, "a component of `along`") for index, value in enumerate(spec.along))
     length = hypot(x, y, z)
     if length == 0.0:
         reader.error(Code.OUT_OF_RANGE, "`along` must not be zero", "along", help="write, for example, `along: [0, 0, 1]`")
     worst, rss, within = (
         None if raw is None else reader.number(raw, key, LENGTH, above=0.0)
-        for key, raw in (("worst", written.worst), ("rss", written.rss), ("within", written.within))
+        for key, raw in (("worst", spec.worst), ("rss", spec.rss), ("within", spec.within))
     )
-    share = None if written.yield_ is None else reader.number(written.yield_, "yield", NUMBER, above=0.0, most=1.0)
+    share = None if spec.yield_ is None else reader.number(spec.yield_, "yield", NUMBER, above=0.0, most=1.0)
     if share == 1.0:
         reader.error(Code.OUT_OF_RANGE, "`yield` must be below 100 %", "yield", help="for all robots, use `worst` instead")
     if of is None or base is None or not length > 0.0:

@@ -46,20 +46,20 @@ class TorqueCheck(OneLineRepr, FrozenStruct):
     minimum: float
 
 
-def read_torque_margin(written: TorqueMarginTest, reader: Reader) -> TorqueCheck:
+def read_torque_margin(spec: TorqueMarginTest, reader: Reader) -> TorqueCheck:
     """Parse the keys of a `torque_margin` test. Modes in which the document does not specify what supports the robot are reported."""
-    minimum = reader.number(written.min, "min", NUMBER, above=0.0)
-    joints = reader.drives(written.drive, "drive")
+    minimum = reader.number(spec.min, "min", NUMBER, above=0.0)
+    joints = reader.drives(spec.drive, "drive")
     floating = [name for name in reader.chosen_modes if not _is_supported(reader.modes[name])]
     if floating:
-        standing = [name for name, mode in reader.modes.items() if _is_supported(mode) and not left_out(joints, mode)]
-        others = f", or use a mode with a support: {', '.join(f'`{name}`' for name in standing)}" if standing else ""
+        supported = [name for name, mode in reader.modes.items() if _is_supported(mode) and not unused_drives(joints, mode)]
+        hint = f", or use a mode with a support: {', '.join(f'`{name}`' for name in supported)}" if supported else ""
         reader.error(
-            Code.TEST, f"the base of mode `{floating[0]}` is free and has no support", "mode" if written.mode is not None else (),
-            on_key=written.mode is None, help=f"set `standing_on: [...]` in the mode{others}",
+            Code.TEST, f"the base of mode `{floating[0]}` is free and has no support", "mode" if spec.mode is not None else (),
+            on_key=spec.mode is None, help=f"set `standing_on: [...]` in the mode{hint}",
         )
     for name in reader.chosen_modes:
-        absent = left_out(joints, reader.modes[name])
+        absent = unused_drives(joints, reader.modes[name])
         if absent:
             reader.error(
                 Code.TEST, f"mode `{name}` does not use the drive of joint `{absent[0]}`", "drive",
@@ -73,10 +73,10 @@ def _is_supported(mode: Mode) -> bool:
     return mode.base != "free" or mode.standing is not None or bool(mode.holds)
 
 
-def left_out(joints: Sequence[str], mode: Mode) -> list[str]:
-    """Return the paths in `joints` of joints whose drives are not used in a mode."""
-    present = mode.actuators
-    return [joint for joint in joints if present is not None and joint not in present]
+def unused_drives(joints: Sequence[str], mode: Mode) -> list[str]:
+    """Return the joints (paths in `joints`) whose drives a mode does not use."""
+    used = mode.actuators
+    return [joint for joint in joints if used is not None and joint not in used]
 
 
 def link(test: Test, check: TorqueCheck, drives: Mapping[str, JointEdge | LinkedTendon], findings: LinkReport) -> None:

@@ -68,8 +68,8 @@ class _Evaluator:
     def source_of(self, term: Term) -> str:
         return shorten(self.text[term.offset : term.end])
 
-    def same(self, left: Term, a: Quantity, right: Term, b: Quantity) -> Dimension:
-        """Return the physical dimension of two operands, which must have the same dimension.
+    def common_dimension(self, left: Term, a: Quantity, right: Term, b: Quantity) -> Dimension:
+        """Return the common physical dimension of the operands `left` and `right`, whose values are `a` and `b`.
 
         The number 0 without a unit is compatible with every dimension.
         """
@@ -80,9 +80,9 @@ class _Evaluator:
         if _zero(left):
             return b.dimension
         help = None
-        for term, quantity, other in ((right, b, a), (left, a, b)):
+        for term, quantity, other_quantity in ((right, b, a), (left, a, b)):
             if quantity.dimension == NUMBER and isinstance(term, Literal):
-                unit = other.dimension.example.partition(" ")[2]
+                unit = other_quantity.dimension.example.partition(" ")[2]
                 help = f"write `{self.source_of(term)} {unit}`"
         raise ExpressionError(
             f"cannot combine `{self.source_of(left)}`, {a.dimension.words}, with `{self.source_of(right)}`, {b.dimension.words}",
@@ -105,13 +105,13 @@ class _Evaluator:
 
         A loop is used instead of recursion, so that the depth of long sums is not limited.
         """
-        spine: list[Binary] = []
-        first: Term = term
-        while isinstance(first, Binary) and first.operator in ("+", "-", "*", "/"):
-            spine.append(first)
-            first = first.left
-        total = self.quantity(first)
-        for step in reversed(spine):
+        operations: list[Binary] = []
+        leftmost: Term = term
+        while isinstance(leftmost, Binary) and leftmost.operator in ("+", "-", "*", "/"):
+            operations.append(leftmost)
+            leftmost = leftmost.left
+        total = self.quantity(leftmost)
+        for step in reversed(operations):
             total = self.step(step, total, self.quantity(step.right))
         return total
 
@@ -120,7 +120,7 @@ class _Evaluator:
             return self.finite(term, lambda: a.value * b.value, a.dimension * b.dimension)
         if term.operator == "/":
             return self.finite(term, lambda: a.value / b.value, a.dimension / b.dimension)
-        dimension = self.same(term.left, a, term.right, b)
+        dimension = self.common_dimension(term.left, a, term.right, b)
         sign = 1.0 if term.operator == "+" else -1.0
         return self.finite(term, lambda: a.value + sign * b.value, dimension)
 
@@ -150,7 +150,7 @@ class _Evaluator:
         if equality and not isinstance(left, Quantity) and type(left) is type(right):
             return (left == right) is (term.operator == "==")
         a, b = self.quantity(term.left), self.quantity(term.right)
-        self.same(term.left, a, term.right, b)
+        self.common_dimension(term.left, a, term.right, b)
         x, y = a.value, b.value
         return {"<": x < y, "<=": x <= y, ">": x > y, ">=": x >= y, "==": x == y, "!=": x != y}[term.operator]
 
@@ -167,26 +167,23 @@ class _Evaluator:
 
             return self.finite(term, lambda: numeric.sqrt(x), first.dimension ** Fraction(1, 2))
         if term.function == "atan2":
-            self.same(term.arguments[0], first, term.arguments[1], arguments[1])
+            self.common_dimension(term.arguments[0], first, term.arguments[1], arguments[1])
             return Quantity(numeric.atan2(x, arguments[1].value), ANGLE)
         if first.dimension != ANGLE and not _zero(term.arguments[0]):
-            shown = self.source_of(term.arguments[0])
+            text = self.source_of(term.arguments[0])
             raise ExpressionError(
-                f"`{term.function}` expects an angle (such as 30 deg), found {first.dimension.words} (`{shown}`)", term.arguments[0].offset,
-                term.arguments[0].end, kind="dimension", help=f"for radians write `{shown} * 1 rad`" if first.dimension == NUMBER else None,
+                f"`{term.function}` expects an angle (such as 30 deg), found {first.dimension.words} (`{text}`)", term.arguments[0].offset,
+                term.arguments[0].end, kind="dimension", help=f"for radians write `{text} * 1 rad`" if first.dimension == NUMBER else None,
             )
         return self.finite(term, lambda: {"sin": numeric.sin, "cos": numeric.cos, "tan": numeric.tan}[term.function](x), NUMBER)
 
     def extreme(self, term: Call, arguments: list[Quantity]) -> Quantity:
-        """Evaluate the functions `min` and `max`.
-
-        The result has the physical dimension of the first argument, not counting arguments that are 0 without a unit.
-        """
-        lead = next((k for k, argument in enumerate(term.arguments) if not _zero(argument)), 0)
+        """Evaluate `min` or `max`. The result has the physical dimension of the first argument that is not 0 without a unit."""
+        reference = next((k for k, argument in enumerate(term.arguments) if not _zero(argument)), 0)
         for argument, quantity in zip(term.arguments, arguments, strict=True):
-            self.same(term.arguments[lead], arguments[lead], argument, quantity)
+            self.common_dimension(term.arguments[reference], arguments[reference], argument, quantity)
         values = [argument.value for argument in arguments]
-        return Quantity(numeric.minimum(values) if term.function == "min" else numeric.maximum(values), arguments[lead].dimension)
+        return Quantity(numeric.minimum(values) if term.function == "min" else numeric.maximum(values), arguments[reference].dimension)
 
 
 def _zero(term: Term) -> bool:
@@ -200,7 +197,7 @@ def kind_of(value: ExpressionValue) -> str:
     return "a boolean" if isinstance(value, bool) else "a string"
 
 
-def words_of(value: ExpressionValue) -> str:
+def format_value(value: ExpressionValue) -> str:
     """Format the value of an expression in the syntax of documents, such as `20 mm` or `true`."""
     if isinstance(value, bool):
         return "true" if value else "false"

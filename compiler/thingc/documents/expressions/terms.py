@@ -27,14 +27,14 @@ class ExpressionError(ValueError):
         self.end = end
 
 
-class _Place(FrozenStruct):
+class _TextRange(FrozenStruct):
     """The position of a term in the text of its expression: from the character `offset` to the character `end` (exclusive)."""
 
     offset: int
     end: int
 
 
-class Literal(_Place):
+class Literal(_TextRange):
     """A number in an expression, with its unit if any.
 
     `zero` is True for the number 0 without a unit, which is valid for every physical dimension.
@@ -44,19 +44,19 @@ class Literal(_Place):
     zero: bool
 
 
-class NameUse(_Place):
+class NameUse(_TextRange):
     """A name in an expression: a parameter, or the index of a repeat."""
 
     name: str
 
 
-class Unary(_Place):
+class Unary(_TextRange):
     """The negation `-a` in an expression. For `+a`, the parser returns only `a`."""
 
     operand: Term
 
 
-class Binary(_Place):
+class Binary(_TextRange):
     """A binary operation `a op b`. The operator is one of `+ - * / ** < <= > >= == !=`."""
 
     operator: str
@@ -64,7 +64,7 @@ class Binary(_Place):
     right: Term
 
 
-class Call(_Place):
+class Call(_TextRange):
     """A function call, such as `min(a, b)`."""
 
     function: str
@@ -108,19 +108,19 @@ class Expression(FrozenStruct):
 
 
 def _terms(tree: Term) -> Iterator[Term]:
-    waiting = [tree]
-    while waiting:
-        term = waiting.pop()
+    stack = [tree]
+    while stack:
+        term = stack.pop()
         yield term
         if isinstance(term, Unary):
-            waiting.append(term.operand)
+            stack.append(term.operand)
         elif isinstance(term, Binary):
-            waiting.extend((term.right, term.left))
+            stack.extend((term.right, term.left))
         elif isinstance(term, Call):
-            waiting.extend(reversed(term.arguments))
+            stack.extend(reversed(term.arguments))
 
 
-def words_in(expression: Expression) -> Iterator[tuple[int, int, str]]:
+def find_tokens(expression: Expression) -> Iterator[tuple[int, int, str]]:
     """Yield the start, the end and the type of each token of an expression, for syntax highlighting.
 
     The type is `name`, `function`, `number` or `unit`.

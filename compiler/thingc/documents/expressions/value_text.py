@@ -23,15 +23,15 @@ def text_of(value: ExpressionValue, unit: str = "") -> str:
     if isinstance(value, str):
         return value
     number: Any = plain(value)
-    if unit and (short := _in_unit(value, unit)) is not None:
-        return short
+    if unit and (in_unit := _in_unit(value, unit)) is not None:
+        return in_unit
     if value.dimension == NUMBER:
         return _exact(number)
     if value.dimension == FREQUENCY:
         return f"{_exact(number)} Hz"
     symbol = value.dimension.symbol
-    above, _, below = symbol.partition("/")
-    return f"={_exact(number)} / (1 {below})" if above == "1" else f"{_exact(number)} {symbol}"
+    numerator, _, denominator = symbol.partition("/")
+    return f"={_exact(number)} / (1 {denominator})" if numerator == "1" else f"{_exact(number)} {symbol}"
 
 
 @numeric.formatter("exact")
@@ -42,20 +42,20 @@ def _exact(number: float) -> str:
 def _in_unit(quantity: Quantity, unit: str) -> str | None:
     """Format a quantity in the given unit, with the fewest digits that represent the value exactly.
 
-    Return None if the unit has another physical dimension, or if no decimal number represents the value exactly. The latter is possible for
-    degrees, which are rounded twice.
+    Return None if the unit has another physical dimension, or if no decimal number in this unit represents the value exactly, which is
+    possible for degrees.
     """
-    known = _scan_unit(unit)
-    if known is None or known[2] != quantity.dimension:
+    parsed_unit = _scan_unit(unit)
+    if parsed_unit is None or parsed_unit[2] != quantity.dimension:
         return None
-    number = Decimal(quantity.value + 0.0) * known[1] / known[0]
+    number = Decimal(quantity.value + 0.0) * parsed_unit[1] / parsed_unit[0]
     double = float(number)
     if not numeric.isfinite(double):
         return None
-    near = (double + ulps * math.ulp(double) for ulps in (0, 1, -1))  # neighbouring doubles, needed for degrees
-    texts = (f"{double:.15g}", f"{number:.16g}", *(f"{one:.17g}" for one in (number, *near)))
+    neighbours = (double + ulps * math.ulp(double) for ulps in (0, 1, -1))  # neighbouring doubles, needed for degrees
+    texts = (f"{double:.15g}", f"{number:.16g}", *(f"{candidate:.17g}" for candidate in (number, *neighbours)))
     try:
-        return next((f"{text} {unit}" for text in texts if to_si(text, known) == quantity.value), None)
+        return next((f"{text} {unit}" for text in texts if to_si(text, parsed_unit) == quantity.value), None)
     except UnitError:
         return None
 

@@ -15,14 +15,14 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, Edit, MappingNode, ScalarNode, walk
 from thingc.documents.load.text import Source
 
-LANGUAGE = frozenset({
+LANGUAGE_CODES = frozenset({
     Code.UNKNOWN_KEY, Code.UNKNOWN_CHOICE, Code.HEADER, Code.BAD_UNIT, Code.BAD_QUANTITY, Code.BAD_EXPRESSION, Code.WRONG_TYPE,
     Code.BAD_COLOR, Code.EXPRESSION_COMMA, Code.RAW_TARGET, Code.RAW_UNKNOWN, Code.LIBRARY, Code.PART_MISSING, Code.MISSING_FILE,
     Code.DIMENSION,
 })
 """Codes of misspelled words that documents do not declare: keywords, units, Python names, file names, and expressions."""
 
-GIVING = frozenset({
+DECLARING_KEYS = frozenset({
     "components", "joints", "links", "mounts", "parameters", "materials", "poses", "modes", "motions", "sensors", "tendons",
     "transmissions",
 })
@@ -54,8 +54,8 @@ class CheckResult(FrozenStruct):
     documents: Sequence[Document]
 
 
-Look = Callable[[Mapping[str, bytes]], CheckResult]
-"""A function that checks documents. The argument maps absolute paths to file contents that replace the contents on disk."""
+Check = Callable[[Mapping[str, bytes]], CheckResult]
+"""A function that checks documents. Its argument maps absolute paths to file contents, which replace the contents on disk."""
 
 
 def locate_edit(edit: Edit, text: str) -> tuple[int, int] | None:
@@ -67,61 +67,61 @@ def locate_edit(edit: Edit, text: str) -> tuple[int, int] | None:
     if not (0 < edit.span.line <= len(source.starts) and 0 < edit.span.end_line <= len(source.starts)):
         return None
     start, end = source.range(edit.span)
-    stretch = text[start:end]
-    places = [match.start() for match in re.finditer(rf"(?<![^\W\d]){re.escape(edit.written)}(?!\w)", stretch)]
+    segment = text[start:end]
+    places = [match.start() for match in re.finditer(rf"(?<![^\W\d]){re.escape(edit.written)}(?!\w)", segment)]
     if len(places) != 1:
         return None
     return start + places[0], start + places[0] + len(edit.written)
 
 
 def autofix(
-    look: Look, contents: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]
+    check: Check, contents: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]
 ) -> tuple[list[TextEdit], dict[str, bytes], Sequence[Diagnostic]]:
     """Apply the unambiguous fixes of diagnostics repeatedly, until no such fix remains.
 
     `contents` maps absolute paths to the contents of files that have already been changed. `allowed` is a function that returns whether a
-    file may be changed, and `read` returns the bytes of a file on disk. Return the edits in the order made, the contents of all changed
-    files, and the remaining diagnostics. An edit is discarded if the error at its position remains. The edits must reduce the number of
-    errors in every changed file. If the number changes in several compiler passes, the first of these passes counts.
+    file may be changed, and `read` returns the bytes of a file on disk. An edit is discarded if the error at its position remains. The
+    edits must reduce the number of errors in every changed file. If the number changes in several compiler passes, only the first of these
+    passes counts. Return the edits in the order in which they were made, the contents of all changed files, and the remaining diagnostics.
     """
-    before = look(contents)
-    done, texts, left = _autofix(look, before, contents, allowed, read, strict=False)
+    before = check(contents)
+    edits, texts, remaining = _autofix(check, before, contents, allowed, read, strict=False)
     # A fixed error may reveal other errors. If an edited file does not have fewer errors than before, each edit must reduce the errors.
-    if any(_faults(left, one.file) >= _faults(before.found, one.file) for one in done):
-        return _autofix(look, before, contents, allowed, read, strict=True)
-    return done, texts, left
+    if any(_error_counts(remaining, edit.file) >= _error_counts(before.found, edit.file) for edit in edits):
+        return _autofix(check, before, contents, allowed, read, strict=True)
+    return edits, texts, remaining
 
 
 def _autofix(
-    look: Look, now: CheckResult, contents: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None],
+    check: Check, current: CheckResult, contents: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None],
     *, strict: bool,
 ) -> tuple[list[TextEdit], dict[str, bytes], Sequence[Diagnostic]]:
-    done: list[TextEdit] = []
+    edits: list[TextEdit] = []
     texts = dict(contents)
     for _ in range(PASSES):
-        chosen = safe_edits(now, texts, allowed, read)
+        chosen = safe_edits(current, texts, allowed, read)
         while chosen:
-            fresh = {**texts, **_apply_edits(chosen, texts, read)}
-            then = look(fresh)
-            kept = _better(chosen, now.found, then.found, strict=strict)
-            if len(kept) == len(chosen):
+            edited = {**texts, **_apply_edits(chosen, texts, read)}
+            result = check(edited)
+            effective = _effective(chosen, current.found, result.found, strict=strict)
+            if len(effective) == len(chosen):
                 break
-            chosen = kept
+            chosen = effective
         if not chosen:
             break
-        done += chosen
-        texts, now = fresh, then
-    return done, texts, now.found
+        edits += chosen
+        texts, current = edited, result
+    return edits, texts, current.found
 
 
 def safe_edits(
-    now: CheckResult, texts: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]
+    current: CheckResult, texts: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]
 ) -> list[TextEdit]:
     """Return the unambiguous fixes of diagnostics that do not overlap each other. The arguments have the same meaning as for `autofix`."""
-    words, given = _word_counts(now.documents)
+    counts, declared = _word_counts(current.documents)
     edits: list[TextEdit] = []
     decoded: dict[str, str | None] = {}
-    for diagnostic in now.found:
+    for diagnostic in current.found:
         for edit in diagnostic.fixes:
             file = edit.span.file
             if file not in decoded:
@@ -129,7 +129,7 @@ def safe_edits(
                 decoded[file] = None if data is None else data.decode("utf-8-sig", errors="replace")
             text = decoded[file]
             place = locate_edit(edit, text) if text is not None else None
-            if place is None or text is None or (diagnostic.code not in LANGUAGE and not _told_apart(edit, words, given)):
+            if place is None or text is None or (diagnostic.code not in LANGUAGE_CODES and not _is_misspelling(edit, counts, declared)):
                 continue
             at = Source(file, text).span(*place)
             text_edit = TextEdit(
@@ -142,52 +142,53 @@ def safe_edits(
     return edits
 
 
-def _base(word: str) -> str:
+def _without_item_index(word: str) -> str:
     """Return the name of an entry with `repeat` from the name of one of its items, such as `leg` for `leg_0`."""
     return re.sub(r"_(?:\d+|\$\w+)$", "", word)
 
 
 def _word_counts(documents: Iterable[Document]) -> tuple[Counter[str], set[str]]:
     """Count the occurrences of each name in the documents, and collect the names that the documents declare."""
-    words: Counter[str] = Counter()
-    given: set[str] = set()
+    counts: Counter[str] = Counter()
+    declared: set[str] = set()
     for document in documents:
         for path, node in walk(document.tree):
             if isinstance(node, MappingNode):
                 for key in node.entries:
-                    words.update(_base(word) for word in re.findall(r"[A-Za-z_][\w$]*", key))
-                if (len(path) == 1 and path[0] in GIVING) or (len(path) == 3 and path[::2] == ("components", "mounts")):
-                    given.update(node.entries)
+                    counts.update(_without_item_index(word) for word in re.findall(r"[A-Za-z_][\w$]*", key))
+                if (len(path) == 1 and path[0] in DECLARING_KEYS) or (len(path) == 3 and path[::2] == ("components", "mounts")):
+                    declared.update(node.entries)
             elif isinstance(node, ScalarNode) and isinstance(node.value, str) and path[-1:] not in (("description",), ("doc",)):
-                words.update(_base(word) for word in re.findall(r"[A-Za-z_][\w$]*", node.value))
-    return words, given
+                counts.update(_without_item_index(word) for word in re.findall(r"[A-Za-z_][\w$]*", node.value))
+    return counts, declared
 
 
-def _told_apart(edit: Edit, words: Counter[str], given: set[str]) -> bool:
-    """Return whether an edit certainly replaces a misspelling, and not a correctly spelled name.
+def _is_misspelling(edit: Edit, counts: Counter[str], declared: set[str]) -> bool:
+    """Return whether the text that an edit replaces is certainly a misspelled use of a name, and not the only correct spelling.
 
-    Return False if the replacement is a declared name that is not used elsewhere.
+    `counts` contains the number of occurrences of each name, and `declared` the declared names. The replaced name must occur once. If the
+    replacement is a declared name, it must occur at least twice.
     """
-    written, meant = (_base(word.rpartition(".")[2]) for word in (edit.written, edit.replacement))
-    if words[written] != 1:
+    written, replacement = (_without_item_index(word.rpartition(".")[2]) for word in (edit.written, edit.replacement))
+    if counts[written] != 1:
         return False
-    return meant not in given or words[meant] >= 2
+    return replacement not in declared or counts[replacement] >= 2
 
 
 def _apply_edits(chosen: Sequence[TextEdit], texts: Mapping[str, bytes], read: Callable[[str], bytes | None]) -> dict[str, bytes]:
-    fresh: dict[str, bytes] = {}
+    contents: dict[str, bytes] = {}
     for file in {text_edit.file for text_edit in chosen}:
         data = texts.get(file) or read(file)
         assert data is not None
         text = data.decode("utf-8-sig")
-        for text_edit in sorted((one for one in chosen if one.file == file), key=lambda one: -one.start):
+        for text_edit in sorted((edit for edit in chosen if edit.file == file), key=lambda edit: -edit.start):
             text = text[: text_edit.start] + text_edit.replacement + text[text_edit.end :]
         mark = b"\xef\xbb\xbf" if data.startswith(b"\xef\xbb\xbf") else b""
-        fresh[file] = mark + text.encode()
-    return fresh
+        contents[file] = mark + text.encode()
+    return contents
 
 
-def _faults(diagnostics: Sequence[Diagnostic], file: str) -> tuple[int, ...]:
+def _error_counts(diagnostics: Sequence[Diagnostic], file: str) -> tuple[int, ...]:
     """Return the number of errors in a file for each compiler pass, in the order of the passes.
 
     Results are compared like tuples, so a reduction of errors in an early pass outweighs new errors in later passes.
@@ -196,21 +197,21 @@ def _faults(diagnostics: Sequence[Diagnostic], file: str) -> tuple[int, ...]:
     return tuple(passes[digit] for digit in "123456789")
 
 
-def _better(chosen: Sequence[TextEdit], before: Sequence[Diagnostic], after: Sequence[Diagnostic], *, strict: bool) -> list[TextEdit]:
-    """Return the edits after which the error at the position of the edit no longer exists.
+def _effective(chosen: Sequence[TextEdit], before: Sequence[Diagnostic], after: Sequence[Diagnostic], *, strict: bool) -> list[TextEdit]:
+    """Return the edits of `chosen` that removed the error at their position.
 
     With `strict`, the number of errors in the file must also have decreased.
     """
     errors = [d.span for d in after if d.severity is Severity.ERROR and d.span is not None]
 
-    def fixes_error(one: TextEdit) -> bool:
-        above = [other for other in chosen if (other.file, other.line) == (one.file, one.line) and other.column < one.column]
-        start = one.column + sum(len(other.replacement) - len(other.written) for other in above)
-        end = start + len(one.replacement)
+    def fixes_error(edit: TextEdit) -> bool:
+        others = [other for other in chosen if (other.file, other.line) == (edit.file, edit.line) and other.column < edit.column]
+        start = edit.column + sum(len(other.replacement) - len(other.written) for other in others)
+        end = start + len(edit.replacement)
         return not any(
-            (span.file, span.line) == (one.file, one.line) and span.column < end
+            (span.file, span.line) == (edit.file, edit.line) and span.column < end
             and (span.end_line > span.line or span.end_column > start)
             for span in errors
         )
 
-    return [one for one in chosen if fixes_error(one) and (not strict or _faults(after, one.file) < _faults(before, one.file))]
+    return [one for one in chosen if fixes_error(one) and (not strict or _error_counts(after, one.file) < _error_counts(before, one.file))]

@@ -21,7 +21,7 @@ from thingc.documents.spec.link_shapes import ShapeSpec
 from thingc.documents.spec.modes import HoldSpec, ModeSpec, WorldAtSpec
 from thingc.documents.spec.validation import model_of
 
-FIRST: dict[type[BaseModel], tuple[str, ...]] = {
+LEADING_KEYS: dict[type[BaseModel], tuple[str, ...]] = {
     ComponentSpec: (
         "repeat", "part", "file", "unit", "assembly", "link", "frame", "params", "parameters", "material", "mass", "com", "inertia",
         "shapes", "attach", "at", "mounts", "mirror", "collision", "visual", "process", "bom",
@@ -44,7 +44,7 @@ FIRST: dict[type[BaseModel], tuple[str, ...]] = {
 By default, inherited fields would come first.
 """
 
-FREE = ("$schema", "thingc")
+HEADER_KEYS = ("$schema", "thingc")
 """Keys that are always at the beginning of a document."""
 
 
@@ -52,24 +52,21 @@ FREE = ("$schema", "thingc")
 def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, FieldType]]:
     """Return two mappings for the keys of a document model: the position in the canonical order, and the type of the value."""
     keys = model_keys(model)
-    first = [key for key in FIRST.get(model, ()) if key in keys]
+    first = [key for key in LEADING_KEYS.get(model, ()) if key in keys]
     names = [*first, *(key for key in keys if key not in first)]
     if "thingc" in keys:
-        names = [*FREE, *(name for name in names if name != "thingc")]
+        names = [*HEADER_KEYS, *(name for name in names if name != "thingc")]
     return {name: rank for rank, name in enumerate(names)}, {key: shape for key, (shape, _) in keys.items()}
 
 
 def root_shape(kind: str | None) -> FieldType | None:
-    """Return the `FieldType` of a whole document, given its kind, such as `assembly`. Return None for an unknown kind."""
+    """Return the type of all documents of a kind such as `assembly`. Return None for an unknown kind."""
     model = model_of(kind or "")
     return None if model is None else shape_of(model)
 
 
 def shape_for(shape: FieldType | None, value: Any) -> FieldType | None:
-    """Return the field type of a value. For a union type, return the branch that probably matches the value.
-
-    The branch is determined by the Python type and the keys of `value`.
-    """
+    """Return the branch of a union type that matches the Python type and the keys of `value` best. Return other types unchanged."""
     if shape is None or shape.kind != "union":
         return shape
     return branch_of(shape, value)
@@ -97,12 +94,12 @@ def canonical_order(names: Sequence[str], shape: FieldType | None) -> list[int]:
     if shape is None or shape.kind != "model" or shape.model is None:
         return list(range(len(names)))
     ranks = _keys(shape.model)[0]
-    places: list[tuple[int, int]] = []
+    ranked: list[tuple[int, int]] = []
     rank = -1
-    for at, name in enumerate(names):
+    for index, name in enumerate(names):
         rank = ranks.get(name, rank)
-        places.append((rank, at))
-    return [at for _, at in sorted(places)]
+        ranked.append((rank, index))
+    return [index for _, index in sorted(ranked)]
 
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
@@ -114,8 +111,8 @@ def space_units(text: str, shape: FieldType | None) -> str:
     match = _GLUED.fullmatch(text)
     if match is None or match.group(2) == " " or shape is None:
         return text
-    better = f"{match.group(1)} {match.group(3)}"
-    return better if equal_values(text, better, shape) else text
+    spaced = f"{match.group(1)} {match.group(3)}"
+    return spaced if equal_values(text, spaced, shape) else text
 
 
 def equal_values(text: str, other: str, shape: FieldType | None) -> bool:
@@ -126,7 +123,7 @@ def equal_values(text: str, other: str, shape: FieldType | None) -> bool:
             return not isinstance(value, str) and bool(value == shape.field.validate(other))
         except PydanticCustomError:
             pass
-    if shape is None or not takes_vectors(shape):
+    if shape is None or not is_vector(shape):
         return False
     try:
         return parse_quantity(text) == parse_quantity(other)
@@ -134,7 +131,7 @@ def equal_values(text: str, other: str, shape: FieldType | None) -> bool:
         return False
 
 
-def takes_vectors(shape: FieldType) -> bool:
+def is_vector(shape: FieldType) -> bool:
     """Return whether a field is a vector, so that the items of its list are quantities."""
     if shape.kind != "field" or shape.field is None:
         return False
@@ -151,13 +148,13 @@ class Inline:
         self.text = text
         self.separator = separator
 
-    def value(self, piece: Segment, shape: FieldType | None, by: int) -> str:
-        """Format a value of the document. All lines except the first are indented by `by` additional columns."""
-        written = self.text[piece.start : piece.end]
+    def value(self, piece: Segment, shape: FieldType | None, indent: int) -> str:
+        """Format a value of the document. All lines except the first are indented by `indent` additional columns."""
+        source_text = self.text[piece.start : piece.end]
         if piece.kind == "scalar":
-            return self.scalar(piece, written, shape, by)
+            return self.scalar(piece, source_text, shape, indent)
         if piece.odd:
-            return indent_rest(written, by)
+            return indent_rest(source_text, indent)
         # an alias may be among user-defined keys, which keep their order
         shape = None if piece.body > piece.start else shape_for(shape, outline(piece))
         head = self.text[piece.start : piece.body].rstrip()
@@ -166,57 +163,57 @@ class Inline:
         order = list(range(len(piece.items)))
         if piece.kind == "map" and not any("#" in gap for gap in gaps):
             order = order_of(piece.items, shape)
-        texts = [self.entry(piece.items[at], shape, by) for at in order]
+        texts = [self.entry(piece.items[index], shape, indent) for index in order]
         if not any("\n" in gap for gap in gaps):
             body = ", ".join(texts)
         else:
-            tidied = [self.tidy_gap(gap, at in (0, len(texts)), by) for at, gap in enumerate(gaps)]
-            body = tidied[0] + "".join(text + after for text, after in zip(texts, tidied[1:], strict=True))
+            tidy_gaps = [self.tidy_gap(gap, index in (0, len(texts)), indent) for index, gap in enumerate(gaps)]
+            body = tidy_gaps[0] + "".join(text + after for text, after in zip(texts, tidy_gaps[1:], strict=True))
         return f"{head}{' ' if head else ''}{opening}{body}{closing}"
 
-    def entry(self, item: Item, shape: FieldType | None, by: int) -> str:
+    def entry(self, item: Item, shape: FieldType | None, indent: int) -> str:
         """Format one entry of a mapping (`key: value`) or one item of a list."""
         if item.key is None:
-            vector = shape is not None and takes_vectors(shape)
-            return self.value(item.value, shape if vector else shape_below(shape, None), by)
+            vector = shape is not None and is_vector(shape)
+            return self.value(item.value, shape if vector else shape_below(shape, None), indent)
         key = self.text[item.key[0] : item.key[1]]
-        return key + self.separator + self.value(item.value, shape_below(shape, item.name), by)
+        return key + self.separator + self.value(item.value, shape_below(shape, item.name), indent)
 
-    def scalar(self, piece: Segment, written: str, shape: FieldType | None, by: int) -> str:
+    def scalar(self, piece: Segment, source_text: str, shape: FieldType | None, indent: int) -> str:
         """Format a scalar, with a space between its number and its unit."""
-        if "\n" in written:
-            return indent_rest(written, by)
-        if not written or shape is None or piece.aliases or piece.anchors:
-            return written
+        if "\n" in source_text:
+            return indent_rest(source_text, indent)
+        if not source_text or shape is None or piece.aliases or piece.anchors:
+            return source_text
         body = self.text[piece.body : piece.end]
         quote = body[0] if body[0] in "\"'" and len(body) > 1 and body[-1] == body[0] and "\\" not in body else ""
         inner = body[len(quote) : len(body) - len(quote)]
         if inner[:1] not in "0123456789+-.":
-            return written
+            return source_text
         shape = shape_for(shape, inner)
         return self.text[piece.start : piece.body] + quote + space_units(inner, shape) + quote
 
     def gaps(self, piece: Segment) -> list[str]:
         """Return the pieces of source text before, between and after the entries of a mapping or list in braces or brackets."""
-        at = piece.body + 1
+        start = piece.body + 1
         gaps: list[str] = []
         for item in piece.items:
-            gaps.append(self.text[at : item.start])
-            at = item.value.end
-        return [*gaps, self.text[at : piece.end - 1]]
+            gaps.append(self.text[start : item.start])
+            start = item.value.end
+        return [*gaps, self.text[start : piece.end - 1]]
 
-    def tidy_gap(self, gap: str, outer: bool, by: int) -> str:
+    def tidy_gap(self, gap: str, outer: bool, indent: int) -> str:
         """Remove trailing spaces from the text between two entries of a multi-line value."""
         if "\n" not in gap:
             return ("," if "," in gap else "") if outer else ", "
-        first, *others = gap.split("\n")
+        first, *other_lines = gap.split("\n")
         first = first.rstrip() if "#" in first else first.strip()
-        lines = [line.rstrip() for line in others[:-1]]
-        return indent_rest("\n".join([first, *lines, others[-1]]), by)
+        lines = [line.rstrip() for line in other_lines[:-1]]
+        return indent_rest("\n".join([first, *lines, other_lines[-1]]), indent)
 
 
 def outline(piece: Segment) -> Any:
-    """Return a Python value that has the type and the keys of a segment, for the argument `value` of `shape_for`."""
+    """Return an empty Python value of the same type as a segment, and with its keys. It is the argument `value` of `shape_for`."""
     if piece.kind == "map":
         return {item.name: None for item in piece.items}
     return [] if piece.kind == "list" else ""
@@ -230,11 +227,11 @@ def order_of(items: list[Item], shape: FieldType | None) -> list[int]:
     order = canonical_order([item.name for item in items], shape)
     if order == sorted(order):
         return order
-    place = {at: new for new, at in enumerate(order)}
-    for at, item in enumerate(items):
-        for later in range(at + 1, len(items)):
-            other = items[later].value
-            shared = (item.value.anchors & (other.anchors | other.aliases)) | (item.value.aliases & other.anchors)
-            if shared and place[at] > place[later]:
+    new_index = {index: new for new, index in enumerate(order)}
+    for index, item in enumerate(items):
+        for later in range(index + 1, len(items)):
+            later_value = items[later].value
+            shared = (item.value.anchors & (later_value.anchors | later_value.aliases)) | (item.value.aliases & later_value.anchors)
+            if shared and new_index[index] > new_index[later]:
                 return sorted(order)
     return order

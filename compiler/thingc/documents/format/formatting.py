@@ -6,7 +6,7 @@ import re
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode
-from thingc.documents.format.flow_style import equal_values, root_shape, shape_below, shape_for, takes_vectors
+from thingc.documents.format.flow_style import equal_values, is_vector, root_shape, shape_below, shape_for
 from thingc.documents.format.segments import UnsupportedStyle
 from thingc.documents.load.documents import document_kind, read_tree
 from thingc.documents.spec.annotation_types import FieldType
@@ -18,17 +18,17 @@ MODELINE = "# yaml-language-server: $schema="
 def format_document(path: str, data: bytes, report: Report, *, schema: str | None = None, tree: MappingNode | None = None) -> bytes | None:
     """Return the bytes of a document in canonical layout. If the document is not well-formed, report the error and return None.
 
-    The line ending of the first line is used for all lines. A byte order mark is removed. If `schema`, a path relative to the document, is
-    given, a comment with this path is added to YAML documents. `tree` is the parsed document, if the caller has already parsed it.
-    Documents with unsupported syntax are returned unchanged.
+    The line ending of the first line is used for all lines. A byte order mark is removed. The layout of documents with unsupported syntax
+    is not changed. `schema` is the path of the JSON Schema, relative to the document; it is added as a comment to YAML documents. `tree` is
+    the parsed document, if the caller has already parsed it.
     """
     before = tree or read_tree(path, data, report)
     kind = None if before is None else document_kind(before, report)
     if before is None or kind is None or report.failed:
         return None
     text = data.decode("utf-8-sig")
-    first = re.search(r"\r\n|\r|\n", text)
-    line_end = first.group() if first is not None else "\n"
+    first_break = re.search(r"\r\n|\r|\n", text)
+    line_end = first_break.group() if first_break is not None else "\n"
     shape = root_shape(kind)
     plain = re.sub(r"\r\n?", "\n", text)
     try:
@@ -39,9 +39,9 @@ def format_document(path: str, data: bytes, report: Report, *, schema: str | Non
         plain = with_modeline(plain, schema)
     formatted = plain.replace("\n", line_end).encode()
     if formatted != data:
-        again = Report()
-        after = read_tree(path, formatted, again)
-        if after is None or again.failed or not same(before, after, shape):
+        reparse_report = Report()
+        after = read_tree(path, formatted, reparse_report)
+        if after is None or reparse_report.failed or not equal(before, after, shape):
             report.add(
                 Code.INTERNAL, "formatting would change the meaning of this document, so thingc does not change the document", before.span,
                 help="this is a bug in thingc; please report it together with the document",
@@ -50,7 +50,7 @@ def format_document(path: str, data: bytes, report: Report, *, schema: str | Non
     return formatted
 
 
-def is_laid_out(document: Document) -> bool:
+def is_formatted(document: Document) -> bool:
     """Return whether a document is already in canonical layout, except for its line endings."""
     text = re.sub(r"\r\n?", "\n", document.text)
     try:
@@ -76,11 +76,11 @@ def with_modeline(text: str, schema: str) -> str:
     """
     line = MODELINE + schema
     lines = text.split("\n")
-    for at, old in enumerate(lines):
-        if old.strip() and not old.lstrip().startswith("#"):
+    for index, existing in enumerate(lines):
+        if existing.strip() and not existing.lstrip().startswith("#"):
             break
-        if re.match(r"#\s*yaml-language-server:\s*\$schema=", old):
-            return "\n".join([*lines[:at], line, *lines[at + 1 :]])
+        if re.match(r"#\s*yaml-language-server:\s*\$schema=", existing):
+            return "\n".join([*lines[:index], line, *lines[index + 1 :]])
     return f"{line}\n{text}"
 
 
@@ -90,8 +90,8 @@ def schema_path(relative: str) -> str:
     return f"{up}.thingc/schema/{relative}.json"
 
 
-def same(before: Node, after: Node, shape: FieldType | None) -> bool:
-    """Return whether two documents have equal keys and values. The order of keys matters only for keys that the user defines.
+def equal(before: Node, after: Node, shape: FieldType | None) -> bool:
+    """Return whether two values of the type `shape` are equal. The order of keys matters only for keys that the user defines.
 
     Quantities with and without a space before the unit are equal.
     """
@@ -99,18 +99,18 @@ def same(before: Node, after: Node, shape: FieldType | None) -> bool:
         if type(before.value) is type(after.value) and before.value == after.value:
             return True
         old, new = before.value, after.value
-        spaced = isinstance(old, str) and isinstance(new, str) and old.replace(" ", "") == new.replace(" ", "")
-        return spaced and equal_values(str(old), str(new), shape_for(shape, old))
+        differ_in_spaces = isinstance(old, str) and isinstance(new, str) and old.replace(" ", "") == new.replace(" ", "")
+        return differ_in_spaces and equal_values(str(old), str(new), shape_for(shape, old))
     if isinstance(before, SequenceNode) and isinstance(after, SequenceNode):
         shape = shape_for(shape, [])
-        below = shape if shape is not None and takes_vectors(shape) else shape_below(shape, None)
+        item_shape = shape if shape is not None and is_vector(shape) else shape_below(shape, None)
         return len(before.items) == len(after.items) and all(
-            same(one, other, below) for one, other in zip(before.items, after.items, strict=True)
+            equal(old_item, new_item, item_shape) for old_item, new_item in zip(before.items, after.items, strict=True)
         )
     if isinstance(before, MappingNode) and isinstance(after, MappingNode):
         shape = shape_for(shape, dict.fromkeys(before.entries))
-        names, others = list(before.entries), list(after.entries)
+        names, new_names = list(before.entries), list(after.entries)
         if shape is not None and shape.kind == "model":
-            names, others = sorted(names), sorted(others)
-        return names == others and all(same(before.entries[name], after.entries[name], shape_below(shape, name)) for name in names)
+            names, new_names = sorted(names), sorted(new_names)
+        return names == new_names and all(equal(before.entries[name], after.entries[name], shape_below(shape, name)) for name in names)
     return False

@@ -33,8 +33,7 @@ class EndComment:
 def append_comment(line: str, comment: EndComment | None) -> str:
     """Append the comment, if any, to a formatted line.
 
-    The comment stays in its column if the formatted line is short enough and the original line had more spaces before the comment than the
-    default.
+    If the original line has more than `COMMENT_GAP` spaces before the comment, the comment stays in its column, if possible.
     """
     if comment is None:
         return line
@@ -49,7 +48,7 @@ class Item:
     For an entry of a mapping, `key` is the range of its key in the text, and `name` is the text of the key.
 
     `leading` contains the comment lines above the item, and None for each empty line. If the value begins on a later line, `key_comment` is
-    the comment after the colon (or dash). `comment` is the comment after the value.
+    the comment after the colon (or dash). `comment` is the comment after the value. If `verbatim` is True, the item is not reformatted.
     """
 
     value: Segment
@@ -71,9 +70,9 @@ class Item:
 class Segment:
     """A value in the text of a document: a scalar, an alias, a mapping or a list. `flow` is True if the value is in braces or brackets.
 
-    `body` is the index of the first character after the anchor of the value. `names` contains the YAML anchors inside the value, and
-    `aliases` the anchors to which aliases in the value refer. `trailing` contains the comments at the end of a block. `column` is the
-    column (from 0) of the keys or dashes of a block.
+    `body` is the index of the first character after the anchor of the value. `anchors` contains the YAML anchors of the value and of values
+    inside it, and `aliases` the anchors to which aliases in the value refer. `trailing` contains the comments at the end of a block.
+    `column` is the column (from 0) of the keys or dashes of a block. If `odd` is True, the value is not reformatted.
     """
 
     kind: str
@@ -105,40 +104,39 @@ class Trivia(FrozenStruct):
 
 
 def gap(text: str, start: int, end: int, *, compact: bool = False) -> Trivia:
-    """Parse the text between two segments, from `start` to `end`.
+    """Parse the comments and empty lines between two segments, from `start` to `end`.
 
-    With `compact`, the next segment can be on the same line, as in `- key: value`.
-
-    Raises `UnsupportedStyle` if the text contains anything except comments and empty lines.
+    With `compact`, the next segment can be on the same line, as in `- key: value`. Raises `UnsupportedStyle` if there is other text between
+    the segments.
     """
     lines = text[start:end].split("\n")
     comment: EndComment | None = None
-    own: list[tuple[int, str] | None] = []
+    comment_lines: list[tuple[int, str] | None] = []
     begins_line = start == 0 or text[start - 1] == "\n"
     for number, line in enumerate(lines):
-        bare = line.strip(" \t")
-        if bare and not bare.startswith("#"):
+        stripped = line.strip(" \t")
+        if stripped and not stripped.startswith("#"):
             raise UnsupportedStyle
         last = number == len(lines) - 1
         if last and end < len(text):  # indentation of the next segment
             if "\t" in line or (number == 0 and not begins_line and not compact):
                 raise UnsupportedStyle
         elif number == 0 and not begins_line:
-            if bare:
-                before = line.index("#")
-                comment = EndComment(text=bare, column=start + before - (text.rfind("\n", 0, start) + 1), gap=before)
-        elif bare:
-            own.append((line.index("#"), bare))
+            if stripped:
+                column = line.index("#")
+                comment = EndComment(text=stripped, column=start + column - (text.rfind("\n", 0, start) + 1), gap=column)
+        elif stripped:
+            comment_lines.append((line.index("#"), stripped))
         else:
-            own.append(None)
-    if end == len(text) and own and own[-1] is None and text.endswith("\n"):
-        own.pop()
-    return Trivia(comment=comment, lines=own)
+            comment_lines.append(None)
+    if end == len(text) and comment_lines and comment_lines[-1] is None and text.endswith("\n"):
+        comment_lines.pop()
+    return Trivia(comment=comment, lines=comment_lines)
 
 
 def tidy(lines: list[str | None]) -> list[str | None]:
     """Return comment lines with at most one empty line in succession."""
-    return [line for at, line in enumerate(lines) if line is not None or at == 0 or lines[at - 1] is not None]
+    return [line for index, line in enumerate(lines) if line is not None or index == 0 or lines[index - 1] is not None]
 
 
 def first_lines(lines: list[str | None]) -> list[str | None]:
@@ -153,8 +151,8 @@ def indent_rest(text: str, by: int) -> str:
     """
     if by == 0 or "\n" not in text:
         return text
-    first, *others = text.split("\n")
-    return "\n".join([first, *(_indent_line(line, by) for line in others)])
+    first, *other_lines = text.split("\n")
+    return "\n".join([first, *(_indent_line(line, by) for line in other_lines)])
 
 
 def _indent_line(line: str, by: int) -> str:
@@ -166,16 +164,16 @@ def _indent_line(line: str, by: int) -> str:
     return line[min(spaces, -by) :]
 
 
-def alignments(written: Sequence[tuple[int, int] | None]) -> list[int]:
+def alignments(entries: Sequence[tuple[int, int] | None]) -> list[int]:
     """Return the number of spaces between the key and the value of each entry: 1, or more to keep values in one column.
 
-    `written` contains the spaces in the document and the column behind them, or None for entries without a value on the same line. The
-    spaces remain if a neighbouring entry has the same column.
+    For each entry, `entries` contains the number of spaces in the document and the column after them, or None if the value is not on the
+    same line. An entry keeps its spaces if the value of the previous or the next entry begins in the same column.
     """
-    around = [None, *written, None]
+    padded = [None, *entries, None]
     return [
         1 if own is None or all(other is None or other[1] != own[1] for other in (above, below)) else own[0]
-        for above, own, below in zip(around, written, around[2:], strict=False)
+        for above, own, below in zip(padded, entries, padded[2:], strict=False)
     ]
 
 

@@ -18,13 +18,14 @@ if TYPE_CHECKING:
 class _Statement:
     """A statement of a TOML document: a header `[a.b]`, for which `value` is None, or a pair `key = value`.
 
-    The statement contains its position, the words of its key, and its comments.
+    `path` contains the elements of the dotted key. `pairs` contains the statements below a header. `leading` contains the comment lines
+    above the statement, and `comment` the comment at the end of its line.
     """
 
     start: int
     end: int
     key: tuple[int, int]
-    words: tuple[str, ...]
+    path: tuple[str, ...]
     value: Segment | None = None
     leading: list[str | None] = field(default_factory=list)
     comment: EndComment | None = None
@@ -33,41 +34,41 @@ class _Statement:
 
 @dataclass(slots=True)
 class _Names:
-    """The keys of each table of a document, in the order of their first occurrence.
+    """The keys of a table and of all tables inside it, in the order of their first occurrence.
 
-    The method `settle` determines the types of the tables and the canonical positions of the keys.
+    `tables` maps each key to the keys of its value. `set_ranks` sets the type `shape` of the table and the canonical position of each key.
     """
 
-    below: dict[str, _Names] = field(default_factory=dict)
+    tables: dict[str, _Names] = field(default_factory=dict)
     shape: FieldType | None = None
     ranks: dict[str, int] = field(default_factory=dict)
 
-    def add(self, words: tuple[str, ...], value: Segment | None) -> None:
+    def add(self, path: tuple[str, ...], value: Segment | None) -> None:
         table = self
-        for word in words:
-            table = table.below.setdefault(word, _Names())
+        for key in path:
+            table = table.tables.setdefault(key, _Names())
         if value is not None and value.kind == "map":
             for item in value.items:
                 table.add((item.name,), item.value)
 
-    def settle(self, shape: FieldType | None) -> None:
+    def set_ranks(self, shape: FieldType | None) -> None:
         """Determine the type and the canonical position of each key. Call this method after all keys have been added."""
         self.shape = shape
-        known = list(self.below)
-        inner = shape_for(shape, dict.fromkeys(known))
-        self.ranks = {known[at]: rank for rank, at in enumerate(canonical_order(known, inner))}
-        for word, table in self.below.items():
-            table.settle(shape_below(inner, word))
+        keys = list(self.tables)
+        inner = shape_for(shape, dict.fromkeys(keys))
+        self.ranks = {keys[index]: rank for rank, index in enumerate(canonical_order(keys, inner))}
+        for key, table in self.tables.items():
+            table.set_ranks(shape_below(inner, key))
 
-    def rank(self, words: tuple[str, ...]) -> tuple[int, ...]:
-        """Return the sort key of a dotted key: for each of its words, the canonical position in the table that contains the word."""
-        return tuple(self.at(words[:depth]).ranks[word] for depth, word in enumerate(words))
+    def rank(self, path: tuple[str, ...]) -> tuple[int, ...]:
+        """Return the sort key of a dotted key: for each of its elements, the canonical position in the table that contains the element."""
+        return tuple(self.table_at(path[:depth]).ranks[key] for depth, key in enumerate(path))
 
-    def at(self, words: tuple[str, ...]) -> _Names:
+    def table_at(self, path: tuple[str, ...]) -> _Names:
         """Return the table that a dotted key selects."""
         table = self
-        for word in words:
-            table = table.below[word]
+        for key in path:
+            table = table.tables[key]
         return table
 
 
@@ -79,28 +80,28 @@ def toml_layout(text: str, shape: FieldType | None) -> str:
     sections, foot = _Cutter(text).sections()
     names = _Names()
     for section in sections:
-        names.add(section.words, None)
+        names.add(section.path, None)
         for pair in section.pairs:
-            names.add((*section.words, *pair.words), pair.value)
-    names.settle(shape)
-    lines = [line or "" for line in _opening(sections)]
-    for section in sorted(sections, key=lambda section: names.rank(section.words)):
+            names.add((*section.path, *pair.path), pair.value)
+    names.set_ranks(shape)
+    lines = [line or "" for line in _head_comments(sections)]
+    for section in sorted(sections, key=lambda section: names.rank(section.path)):
         lines.extend(_section(section, text, names, not any(lines)))
     lines.extend(line or "" for line in tidy(foot))
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
-def _opening(sections: list[_Statement]) -> list[str | None]:
-    """Return the comments at the top that describe the whole document and not its first key.
+def _head_comments(sections: list[_Statement]) -> list[str | None]:
+    """Remove and return the comments at the top that describe the whole document instead of its first key.
 
-    The result contains comments before an empty line, and comments that configure an editor.
+    These are the comments before an empty line, and comments that configure an editor.
     """
-    first = next((s for section in sections for s in (section, *section.pairs) if s.end), None)
-    if first is None:
+    first_statement = next((s for section in sections for s in (section, *section.pairs) if s.end), None)
+    if first_statement is None:
         return []
-    lines = first_lines(first.leading)
-    cut = max((at for at, line in enumerate(lines) if line is None or line.startswith("#:schema")), default=-1) + 1
-    first.leading = lines[cut:]
+    lines = first_lines(first_statement.leading)
+    cut = max((index for index, line in enumerate(lines) if line is None or line.startswith("#:schema")), default=-1) + 1
+    first_statement.leading = lines[cut:]
     return lines[:cut]
 
 
@@ -111,15 +112,15 @@ def _section(section: _Statement, text: str, names: _Names, first: bool) -> list
         lines.extend([] if first else [""])
         lines.extend(line or "" for line in first_lines(section.leading))
         lines.append(append_comment(f"[{text[slice(*section.key)].strip()}]", section.comment))
-    pairs = sorted(section.pairs, key=lambda pair: names.rank((*section.words, *pair.words)))
+    pairs = sorted(section.pairs, key=lambda pair: names.rank((*section.path, *pair.path)))
     inline = Inline(text, " = ")
-    for at, (pair, spaces) in enumerate(zip(pairs, _alignment(pairs, text), strict=True)):
-        lines.extend(line or "" for line in (tidy(pair.leading) if at else first_lines(pair.leading)))
+    for index, (pair, spaces) in enumerate(zip(pairs, _alignment(pairs, text), strict=True)):
+        lines.extend(line or "" for line in (tidy(pair.leading) if index else first_lines(pair.leading)))
         assert pair.value is not None
-        below = names.at((*section.words, *pair.words)).shape
-        written = f"{text[slice(*pair.key)]}{' ' * spaces}= {inline.value(pair.value, below, 0)}".split("\n")
-        written[-1] = append_comment(written[-1], pair.comment)
-        lines.extend(written)
+        shape = names.table_at((*section.path, *pair.path)).shape
+        pair_lines = f"{text[slice(*pair.key)]}{' ' * spaces}= {inline.value(pair.value, shape, 0)}".split("\n")
+        pair_lines[-1] = append_comment(pair_lines[-1], pair.comment)
+        lines.extend(pair_lines)
     return lines
 
 
@@ -143,7 +144,7 @@ class _Cutter:
         root = self.syntax.root
         if root.has_error:
             raise UnsupportedStyle
-        sections = [_Statement(start=0, end=0, key=(0, 0), words=())]
+        sections = [_Statement(start=0, end=0, key=(0, 0), path=())]
         for node in root.named_children:
             if node.type == "pair":
                 sections[0].pairs.append(self.pair(node))
@@ -151,16 +152,16 @@ class _Cutter:
                 sections.append(self.header(node))
             elif node.type != "comment":
                 raise UnsupportedStyle  # arrays of tables, which documents do not use
-        at = 0
+        end = 0
         last: _Statement | None = None
         for statement in (s for section in sections for s in (section, *section.pairs) if s.end):
-            between = gap(self.text, at, statement.start)
-            self.comment(last, between.comment)
-            statement.leading = [line and line[1] for line in between.lines]
-            at, last = statement.end, statement
-        rest = gap(self.text, at, len(self.text))
-        self.comment(last, rest.comment)
-        return sections, [line and line[1] for line in rest.lines]
+            trivia = gap(self.text, end, statement.start)
+            self.comment(last, trivia.comment)
+            statement.leading = [line and line[1] for line in trivia.lines]
+            end, last = statement.end, statement
+        foot = gap(self.text, end, len(self.text))
+        self.comment(last, foot.comment)
+        return sections, [line and line[1] for line in foot.lines]
 
     def comment(self, last: _Statement | None, comment: EndComment | None) -> None:
         if comment is not None:
@@ -173,17 +174,17 @@ class _Cutter:
         key = self.syntax.range(children[0])
         end = self.text.index("]", key[1]) + 1
         return _Statement(
-            start=self.syntax.range(node)[0], end=end, key=key, words=self.words(children[0]),
+            start=self.syntax.range(node)[0], end=end, key=key, path=self.path(children[0]),
             pairs=[self.pair(child) for child in children[1:] if child.type == "pair"],
         )
 
     def pair(self, node: Syntax) -> _Statement:
         key, value = (child for child in node.named_children if child.type != "comment")
         piece = self.value(value)
-        return _Statement(start=self.syntax.range(node)[0], end=piece.end, key=self.syntax.range(key), words=self.words(key), value=piece)
+        return _Statement(start=self.syntax.range(node)[0], end=piece.end, key=self.syntax.range(key), path=self.path(key), value=piece)
 
-    def words(self, key: Syntax) -> tuple[str, ...]:
-        return tuple(word for word, _ in self.syntax.words(key))
+    def path(self, key: Syntax) -> tuple[str, ...]:
+        return tuple(word for word, _ in self.syntax.split_key(key))
 
     def value(self, node: Syntax) -> Segment:
         start, end = self.syntax.range(node)
@@ -193,7 +194,7 @@ class _Cutter:
             return Segment(kind="list", start=start, end=end, body=start, flow=True, items=items)
         if node.type == "inline_table":
             pairs = [self.pair(child) for child in children if child.type == "pair"]
-            items = [Item(key=pair.key, name=pair.words[0], value=pair.value) for pair in pairs if pair.value is not None]
-            odd = any(len(pair.words) > 1 for pair in pairs)
+            items = [Item(key=pair.key, name=pair.path[0], value=pair.value) for pair in pairs if pair.value is not None]
+            odd = any(len(pair.path) > 1 for pair in pairs)
             return Segment(kind="map", start=start, end=end, body=start, flow=True, items=items, odd=odd)
         return Segment(kind="scalar", start=start, end=end, body=start)

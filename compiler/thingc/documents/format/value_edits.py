@@ -24,8 +24,8 @@ class CannotSetValue(Exception):
     The message of the exception explains the reason. `span` is the location of the value.
     """
 
-    def __init__(self, document: Document, keys: Keys, why: str) -> None:
-        super().__init__(f"`{'.'.join(keys)}` {why}")
+    def __init__(self, document: Document, keys: Keys, reason: str) -> None:
+        super().__init__(f"`{'.'.join(keys)}` {reason}")
         self.span = document.span(keys)
 
 
@@ -35,13 +35,13 @@ def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
     Missing entries are added after existing entries. New mappings are written in braces, except in new sections and in sections whose
     existing mappings extend over several lines. Raises `CannotSetValue` if setting a value would change other values.
     """
-    set_one = _in_toml if _is_toml(document.path) else _in_yaml
+    set_value = _set_in_toml if _is_toml(document.path) else _set_in_yaml
     for keys, value in values.items():
-        after = _parse_document(document, set_one(document, keys, value))
-        if after is None or after.tree.plain() != _put(document.tree.plain(), keys, _parse_value(value)):
-            why = "cannot be set separately: an alias repeats the value, or thingc cannot edit this YAML syntax"
-            raise CannotSetValue(document, keys, why)
-        document = after
+        changed = _parse_document(document, set_value(document, keys, value))
+        if changed is None or changed.tree.plain() != _set_item(document.tree.plain(), keys, _parsed(value)):
+            reason = "cannot be set separately: an alias repeats the value, or thingc cannot edit this YAML syntax"
+            raise CannotSetValue(document, keys, reason)
+        document = changed
     return document
 
 
@@ -50,21 +50,21 @@ def remove_value(document: Document, keys: Keys) -> Document:
 
     The mapping with this key must contain at least one other key. Raises `CannotSetValue` if removing the key would change other values.
     """
-    after = _parse_document(document, (_out_of_toml if _is_toml(document.path) else _out_of_yaml)(document, keys))
-    if after is None or after.tree.plain() != _take_out(document.tree.plain(), keys):
+    changed = _parse_document(document, (_remove_from_toml if _is_toml(document.path) else _remove_from_yaml)(document, keys))
+    if changed is None or changed.tree.plain() != _remove_item(document.tree.plain(), keys):
         raise CannotSetValue(document, keys, "cannot be removed: an alias repeats the key, or thingc cannot edit this YAML syntax")
-    return after
+    return changed
 
 
 def _is_toml(path: str) -> bool:
     return path.lower().endswith(".toml")
 
 
-def _parse_value(value: Written) -> Plain:
+def _parsed(value: Written) -> Plain:
     """Parse a value such as `{upper: 60 deg}` to plain Python values."""
     if isinstance(value, str):
         return core_value(value)
-    return {key: _parse_value(one) for key, one in value.items()} if isinstance(value, Mapping) else [_parse_value(one) for one in value]
+    return {key: _parsed(item) for key, item in value.items()} if isinstance(value, Mapping) else [_parsed(item) for item in value]
 
 
 def _parse_document(document: Document, text: str) -> Document | None:
@@ -74,83 +74,88 @@ def _parse_document(document: Document, text: str) -> Document | None:
     return replace(document, text=text, tree=tree) if isinstance(tree, MappingNode) and not report.failed else None
 
 
-def _put(whole: Any, keys: Keys, value: Any, mapping: Callable[[], Any] = dict) -> Any:
-    """Set the value at a path in nested Python mappings and lists, in place. The function `mapping` creates each missing mapping."""
-    inner = whole
+def _set_item(root: Any, keys: Keys, value: Any, mapping: Callable[[], Any] = dict) -> Any:
+    """Set the value at a path in nested mappings and lists, in place, and return `root`. `mapping()` creates each missing mapping."""
+    inner = root
     for key in keys[:-1]:
         if isinstance(inner, dict) and not isinstance(inner.get(key), (dict, list)):
             inner[key] = mapping()
-        inner = inner[_step(inner, key)]
-    inner[_step(inner, keys[-1])] = value
-    return whole
+        inner = inner[_key_or_index(inner, key)]
+    inner[_key_or_index(inner, keys[-1])] = value
+    return root
 
 
-def _step(inner: Any, key: str) -> Any:
-    """Convert one word of a path to a key of the mapping `inner`, or to an index of the list `inner`."""
+def _key_or_index(inner: Any, key: str) -> Any:
+    """Convert an element of a path to an index if `inner` is a list. For a mapping, return the key unchanged."""
     return int(key) if isinstance(inner, list) else key
 
 
-def _take_out(whole: Any, keys: Keys) -> Any:
-    """Remove the value at a path from nested Python mappings and lists, in place."""
-    inner = whole
+def _remove_item(root: Any, keys: Keys) -> Any:
+    """Remove the value at a path from nested mappings, in place, and return `root`."""
+    inner = root
     for key in keys[:-1]:
         inner = inner[key]
     del inner[keys[-1]]
-    return whole
+    return root
 
 
 # --- YAML -------------------------------------------------------------------------------------------------------------
 
 
-def _in_yaml(document: Document, keys: Keys, value: Written) -> str:
+def _set_in_yaml(document: Document, keys: Keys, value: Written) -> str:
     source, text, tree = Source(document.path, document.text), document.text, document.tree
     depth = next((k for k in range(len(keys), 0, -1) if node_at(tree, keys[:k]) is not None), 0)
-    node, rest = node_at(tree, keys[:depth]), keys[depth:]
+    node, missing_keys = node_at(tree, keys[:depth]), keys[depth:]
     assert node is not None
     start, end = source.range(node.span)
-    if not rest or not isinstance(node, MappingNode):  # replaces an existing value, which may be empty: `limit:`
+    if not missing_keys or not isinstance(node, MappingNode):  # replaces an existing value, which may be empty: `limit:`
         if isinstance(node, (MappingNode, SequenceNode)) and text[start] not in "{[":
             raise CannotSetValue(document, keys, "spans several lines: set the values inside it")
         space = "" if end > start or text[start - 1 : start].isspace() else " "
-        written = _flow(value) if not rest else "{" + _entry(rest, value) + "}"
-        return text[:start] + space + written + text[end:]
+        value_text = _format_inline(value) if not missing_keys else "{" + _format_entry(missing_keys, value) + "}"
+        return text[:start] + space + value_text + text[end:]
     if text[start] == "{":
-        at = max((source.range(one.span)[1] for one in node.entries.values()), default=start + 1)
-        return text[:at] + (", " if node.entries else "") + _entry(rest, value) + text[at:]
+        insert_at = max((source.range(line_text.span)[1] for line_text in node.entries.values()), default=start + 1)
+        return text[:insert_at] + (", " if node.entries else "") + _format_entry(missing_keys, value) + text[insert_at:]
     indent = next(iter(node.keys.values())).column - 1
     line = last_line(source, node)
-    at = source.starts[line - 1] + len(source.line(line - 1))
-    lines = _lines(source, node, rest, value)
-    return text[:at] + "".join(("\r\n" if "\r\n" in text else "\n") + (" " * indent + one if one else "") for one in lines) + text[at:]
+    insert_at = source.starts[line - 1] + len(source.line(line - 1))
+    lines, line_end = _entry_lines(source, node, missing_keys, value), "\r\n" if "\r\n" in text else "\n"
+    return text[:insert_at] + "".join(line_end + (" " * indent + entry if entry else "") for entry in lines) + text[insert_at:]
 
 
-def _lines(source: Source, node: MappingNode, rest: Keys, value: Written) -> list[str]:
-    """Return the lines of a new entry of a mapping in block style, with indentation relative to the mapping."""
+def _entry_lines(source: Source, node: MappingNode, missing_keys: Keys, value: Written) -> list[str]:
+    """Return the lines of a new entry of the block mapping `node`, with indentation relative to the mapping.
+
+    `missing_keys` is the part of the path that the document does not contain.
+    """
     last = list(node.entries.values())[-1]
-    if isinstance(value, Mapping) and len(rest) == 2:  # a new section
-        return ["", f"{_scalar(rest[0])}:", f"  {_entry(rest[1:], value)}"]
+    if isinstance(value, Mapping) and len(missing_keys) == 2:  # a new section
+        return ["", f"{_format_scalar(missing_keys[0])}:", f"  {_format_entry(missing_keys[1:], value)}"]
     start, end = source.range(last.span)
-    if isinstance(value, Mapping) and len(rest) == 1 and isinstance(last, MappingNode) and last.entries and source.text[start] != "{":
-        deep = " " * (next(iter(last.keys.values())).column - next(iter(node.keys.values())).column)
-        return [f"{_scalar(rest[0])}:", *(f"{deep}{_scalar(key)}: {_flow(one)}" for key, one in value.items())]
-    return [_entry(rest, value)]
+    in_block = isinstance(last, MappingNode) and last.entries and source.text[start] != "{"
+    if isinstance(value, Mapping) and len(missing_keys) == 1 and isinstance(last, MappingNode) and in_block:
+        indent = " " * (next(iter(last.keys.values())).column - next(iter(node.keys.values())).column)
+        entries = (f"{indent}{_format_scalar(key)}: {_format_inline(item)}" for key, item in value.items())
+        return [f"{_format_scalar(missing_keys[0])}:", *entries]
+    return [_format_entry(missing_keys, value)]
 
 
-def _out_of_yaml(document: Document, keys: Keys) -> str:
+def _remove_from_yaml(document: Document, keys: Keys) -> str:
     source, text = Source(document.path, document.text), document.text
     node = node_at(document.tree, keys[:-1])
     assert isinstance(node, MappingNode)
     order = list(node.entries)
-    where = order.index(keys[-1])
+    index = order.index(keys[-1])
     key, value = node.keys[keys[-1]], node.entries[keys[-1]]
     start, end = source.range(key)[0], source.range(value.span)[1]
     if text[source.range(node.span)[0]] != "{":
         last = last_line(source, value)
         return text[: source.starts[key.line - 1]] + (text[source.starts[last] :] if last < len(source.starts) else "")
-    if where + 1 < len(order):
-        return text[:start] + text[source.range(node.keys[order[where + 1]])[0] :]
-    before = source.range(node.entries[order[where - 1]].span)[1] if where else start
-    return text[:before] + text[end:]
+    if index + 1 < len(order):
+        return text[:start] + text[source.range(node.keys[order[index + 1]])[0] :]
+    previous_end = source.range(node.entries[order[index - 1]].span)[1] if index else start
+    return text[:previous_end] + text[end:]
 
 
 def last_line(source: Source, node: Node) -> int:
@@ -159,26 +164,26 @@ def last_line(source: Source, node: Node) -> int:
     if source.text[start : start + 1] not in ("{", "["):
         inner = list(node.entries.values()) if isinstance(node, MappingNode) else list(getattr(node, "items", ()))
         if inner:
-            return max(last_line(source, one) for one in inner)
+            return max(last_line(source, child) for child in inner)
     return source.line_at(start + len(source.text[start:end].rstrip())) + 1
 
 
-def _entry(keys: Keys, value: Written) -> str:
+def _format_entry(keys: Keys, value: Written) -> str:
     """Format a new entry: `limit: {upper: 60 deg}`."""
-    first, *rest = keys
-    return f"{_scalar(first)}: {'{' + _entry(tuple(rest), value) + '}' if rest else _flow(value)}"
+    key, *inner_keys = keys
+    return f"{_format_scalar(key)}: {'{' + _format_entry(tuple(inner_keys), value) + '}' if inner_keys else _format_inline(value)}"
 
 
-def _flow(value: Written) -> str:
+def _format_inline(value: Written) -> str:
     """Format a value on one line."""
     if isinstance(value, str):
-        return _scalar(value)
+        return _format_scalar(value)
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_scalar(key)}: {_flow(one)}" for key, one in value.items()) + "}"
-    return "[" + ", ".join(map(_flow, value)) + "]"
+        return "{" + ", ".join(f"{_format_scalar(key)}: {_format_inline(item)}" for key, item in value.items()) + "}"
+    return "[" + ", ".join(map(_format_inline, value)) + "]"
 
 
-def _scalar(text: str) -> str:
+def _format_scalar(text: str) -> str:
     """Format a scalar for YAML 1.2, quoted if necessary; numbers and booleans are unchanged."""
     if not isinstance(core_value(text), str):
         return text
@@ -194,46 +199,46 @@ def _scalar(text: str) -> str:
 # --- TOML -------------------------------------------------------------------------------------------------------------
 
 
-def _in_toml(document: Document, keys: Keys, value: Written) -> str:
+def _set_in_toml(document: Document, keys: Keys, value: Written) -> str:
     import tomlkit
 
     text = document.text
     line_end = "\r\n" if "\r\n" in text else "\n"
-    if isinstance(value, Mapping) and len(keys) == 2 and (place := _behind_entries(document, keys)) is not None:
-        at, tables = place
-        entries = (f"{tomlkit.key(key).as_string()} = {tomlkit.item(_toml_value(one)).as_string()}" for key, one in value.items())
+    if isinstance(value, Mapping) and len(keys) == 2 and (place := _insertion_point(document, keys)) is not None:
+        insert_at, has_headers = place
+        entries = (f"{tomlkit.key(key).as_string()} = {tomlkit.item(_toml_value(item)).as_string()}" for key, item in value.items())
         header = f"[{'.'.join(tomlkit.key(key).as_string() for key in keys)}]"
         inline = f"{tomlkit.key(keys[1]).as_string()} = {tomlkit.item(_toml_value(value)).as_string()}"
-        return text[:at] + line_end.join(("", "", header, *entries) if tables else ("", inline)) + text[at:]
-    whole = tomlkit.parse(text.replace("\r\n", "\n"))
+        return text[:insert_at] + line_end.join(("", "", header, *entries) if has_headers else ("", inline)) + text[insert_at:]
+    parsed = tomlkit.parse(text.replace("\r\n", "\n"))
     section = len(keys) == 2 and isinstance(value, Mapping)
-    _put(whole, keys, _toml_value(value), tomlkit.table if section else tomlkit.inline_table)
-    return tomlkit.dumps(whole).replace("\n", line_end)
+    _set_item(parsed, keys, _toml_value(value), tomlkit.table if section else tomlkit.inline_table)
+    return tomlkit.dumps(parsed).replace("\n", line_end)
 
 
-def _behind_entries(document: Document, keys: Keys) -> tuple[int, bool] | None:
-    """Return the index at which to insert a new entry of a TOML section, and whether the last entry is a table with its own header.
+def _insertion_point(document: Document, keys: Keys) -> tuple[int, bool] | None:
+    """Return the index at which to insert the new entry `keys` of a TOML section, and whether its last entry is a table with a header.
 
-    The index is at the end of the last line of the last entry. Return None if the entry exists, or if the section is empty or does not have
-    a header.
+    The index is at the end of the last line of the last entry. Return None if the entry exists, if the section is empty, or if neither the
+    section nor its last entry has a header.
     """
     source, text, node = Source(document.path, document.text), document.text, node_at(document.tree, keys[:1])
     if not isinstance(node, MappingNode) or not node.entries or keys[1] in node.entries:
         return None
     last = max(node.entries.values(), key=lambda one: source.range(one.span)[1])
     start, end = source.range(last.span)
-    tables = isinstance(last, MappingNode) and text[start] == "["
-    if not tables and text[source.range(node.span)[0]] != "[":
+    has_headers = isinstance(last, MappingNode) and text[start] == "["
+    if not has_headers and text[source.range(node.span)[0]] != "[":
         return None
     line = source.line_at(end - 1)
-    return source.starts[line] + len(source.line(line)), tables
+    return source.starts[line] + len(source.line(line)), has_headers
 
 
-def _out_of_toml(document: Document, keys: Keys) -> str:
+def _remove_from_toml(document: Document, keys: Keys) -> str:
     import tomlkit
 
     line_end = "\r\n" if "\r\n" in document.text else "\n"
-    return tomlkit.dumps(_take_out(tomlkit.parse(document.text.replace("\r\n", "\n")), keys)).replace("\n", line_end)
+    return tomlkit.dumps(_remove_item(tomlkit.parse(document.text.replace("\r\n", "\n")), keys)).replace("\n", line_end)
 
 
 def _toml_value(value: Written) -> Any:
@@ -242,12 +247,12 @@ def _toml_value(value: Written) -> Any:
 
     if isinstance(value, Mapping):
         table = tomlkit.inline_table()
-        for key, one in value.items():
-            table[key] = _toml_value(one)
+        for key, item in value.items():
+            table[key] = _toml_value(item)
         return table
     if not isinstance(value, str):
         array = tomlkit.array()
-        array.extend(_toml_value(one) for one in value)
+        array.extend(_toml_value(item) for item in value)
         return array
     plain = core_value(value)
     if isinstance(plain, str) or plain is None:
@@ -262,10 +267,10 @@ def changes(document: Document, values: Mapping[Keys, str]) -> Iterator[tuple[st
     """Yield the path, the previous text and the new text of each value in `values`. The previous text is None if the path did not exist."""
     for keys, value in values.items():
         node = node_at(document.tree, keys)
-        yield ".".join(keys), None if node is None else _as_written(document, node), value
+        yield ".".join(keys), None if node is None else _display_text(document, node), value
 
 
-def _as_written(document: Document, node: Node) -> str:
+def _display_text(document: Document, node: Node) -> str:
     """Return the text of a value for display. Mappings and lists that are long or on several lines are shown as `...`."""
     if isinstance(node, ScalarNode):
         return node.text

@@ -26,8 +26,8 @@ _FLOW_COLON = re.compile(r"[ \t]*:[ \t]*")
 _BLOCK_ANCHOR = re.compile(r"&\S+")
 
 
-def yaml_pieces(text: str) -> tuple[Segment, int, list[str | None]]:
-    """Return the root value of a well-formed YAML document, its start index (after `---`), and the comments above its first key.
+def cut_yaml(text: str) -> tuple[Segment, int, list[str | None]]:
+    """Split a well-formed YAML document into segments. Return its root value, its start index (after `---`), and the comments at its top.
 
     Raises `UnsupportedStyle` for explicit keys (`?`), block scalars that keep trailing line breaks (`|+`), an end mark (`...`), or
     lists with empty items.
@@ -74,56 +74,56 @@ class _Cutter:
 
     def block_end(self, start: int, end: int) -> int:
         """Return the end of the last non-empty line of a block scalar."""
-        written = self.text[start:end]
-        header, _, rest = written.partition("\n")
+        block_text = self.text[start:end]
+        header, _, rest = block_text.partition("\n")
         header = header.partition("#")[0]
-        if "+" in header or (end == len(self.text) and not written.endswith("\n") and "-" not in header):
+        if "+" in header or (end == len(self.text) and not block_text.endswith("\n") and "-" not in header):
             raise UnsupportedStyle  # trailing line breaks are part of the value
         lines = rest.split("\n")
         indents = [len(line) - len(line.lstrip(" ")) for line in lines if line.strip(" ")]
         while lines and not lines[-1].strip(" ") and len(lines[-1]) <= min(indents, default=len(lines[-1])):
             lines.pop()
-        return start + len("\n".join([written.partition("\n")[0], *lines]))
+        return start + len("\n".join([block_text.partition("\n")[0], *lines]))
 
     def mapping(self, event: Any, anchors: frozenset[str]) -> Segment:
         items: list[Item] = []
         flow = bool(event.flow_style)
         start = event.start_mark.index
         odd = False
-        following = next(self.events)
-        while type(following).__name__ != "MappingEndEvent":
-            key = (following.start_mark.index, following.end_mark.index)
-            if type(following).__name__ != "ScalarEvent" or "\n" in self.text[key[0] : key[1]]:
+        next_event = next(self.events)
+        while type(next_event).__name__ != "MappingEndEvent":
+            key = (next_event.start_mark.index, next_event.end_mark.index)
+            if type(next_event).__name__ != "ScalarEvent" or "\n" in self.text[key[0] : key[1]]:
                 raise UnsupportedStyle
             value = self.piece(next(self.events))
-            if following.anchor is not None:
-                value.anchors |= {following.anchor}
+            if next_event.anchor is not None:
+                value.anchors |= {next_event.anchor}
             if flow:
                 colon = _FLOW_COLON.match(self.text, key[1])
                 odd = odd or colon is None or colon.end() != value.start or value.start == value.end
-            items.append(Item(key=key, name=following.value, value=value))
-            following = next(self.events)
-        piece = self.collection("map", start, following, items, anchors, flow)
+            items.append(Item(key=key, name=next_event.value, value=value))
+            next_event = next(self.events)
+        piece = self.collection("map", start, next_event, items, anchors, flow)
         piece.odd = flow and (odd or self.text[piece.body : piece.body + 1] != "{")
         return piece
 
     def sequence(self, event: Any, anchors: frozenset[str]) -> Segment:
         items: list[Item] = []
         flow = bool(event.flow_style)
-        following = next(self.events)
-        while type(following).__name__ != "SequenceEndEvent":
-            value = self.piece(following)
+        next_event = next(self.events)
+        while type(next_event).__name__ != "SequenceEndEvent":
+            value = self.piece(next_event)
             if value.start == value.end and value.kind == "scalar" and not flow:
                 raise UnsupportedStyle
             items.append(Item(value=value))
-            following = next(self.events)
-        piece = self.collection("list", event.start_mark.index, following, items, anchors, flow)
+            next_event = next(self.events)
+        piece = self.collection("list", event.start_mark.index, next_event, items, anchors, flow)
         piece.odd = flow and any(item.value.start == item.value.end for item in items)
         return piece
 
     def collection(self, kind: str, start: int, last: Any, items: list[Item], anchors: frozenset[str], flow: bool) -> Segment:
         body = body_of(self.text, start)
-        own = anchors
+        own_anchors = anchors
         for item in items:
             anchors |= item.value.anchors
         aliases = frozenset(name for item in items for name in item.value.aliases)
@@ -133,37 +133,41 @@ class _Cutter:
             return Segment(
                 kind=kind, start=start, end=last.end_mark.index, body=body, flow=True, items=items, anchors=anchors, aliases=aliases,
             )
-        if not items or (kind == "list" and own):
+        if not items or (kind == "list" and own_anchors):
             raise UnsupportedStyle
         body = start
-        if own:
+        if own_anchors:
             match = _BLOCK_ANCHOR.match(self.text, start)
             if match is None:
                 raise UnsupportedStyle
             body = match.end()
-        at = items[0].start if kind == "map" else start
+        first_start = items[0].start if kind == "map" else start
         return Segment(
             kind=kind, start=start, end=max(items[-1].value.end, items[-1].start), body=body, items=items,
-            column=at - (self.text.rfind("\n", 0, at) + 1), anchors=anchors, aliases=aliases,
+            column=first_start - (self.text.rfind("\n", 0, first_start) + 1), anchors=anchors, aliases=aliases,
         )
 
 
 class _Commenter:
-    """Assigns every comment of a document to an entry."""
+    """Assigns every comment of a document to an entry, or to the block that ends above the comment.
+
+    `position` is the index up to which comments are assigned. `last` is the previous entry, `inside` is True between the key of this entry
+    and its block value, and `ended_blocks` contains the blocks that end at the position.
+    """
 
     def __init__(self, text: str) -> None:
         self.text = text
-        self.at = 0
+        self.position = 0
         self.last: Item | None = None
         self.inside = False
-        self.ended: list[Segment] = []
+        self.ended_blocks: list[Segment] = []
 
     def run(self, root: Segment, start: int) -> list[str | None]:
         """Assign every comment to an entry, and return the comments at the top that describe the whole document."""
-        self.at = start
+        self.position = start
         if root.flow:
             head = gap(self.text, start, root.start)
-            self.at = root.end
+            self.position = root.end
             foot = gap(self.text, root.end, len(self.text))
             if head.comment is not None or foot.comment is not None:
                 raise UnsupportedStyle
@@ -171,11 +175,11 @@ class _Commenter:
             return [line and line[1] for line in head.lines]
         if start and self.text[start : start + 1] not in ("\n", ""):
             raise UnsupportedStyle
-        self.at = min(start + 1, len(self.text)) if start else 0
+        self.position = min(start + 1, len(self.text)) if start else 0
         self.block(root)
-        self.ended = [root, *self.ended]
-        rest = self.take(gap(self.text, self.at, len(self.text)), -1)
-        root.trailing.extend(rest)
+        self.ended_blocks = [root, *self.ended_blocks]
+        trailing = self.assign_comments(gap(self.text, self.position, len(self.text)), -1)
+        root.trailing.extend(trailing)
         return self.head(root.items[0])
 
     def head(self, first: Item) -> list[str | None]:
@@ -184,21 +188,21 @@ class _Commenter:
         Comments before an empty line, and comments for an editor, belong to the document.
         """
         lines = first.leading
-        cut = max((at for at, line in enumerate(lines) if line is None or is_modeline(line)), default=-1) + 1
+        cut = max((index for index, line in enumerate(lines) if line is None or is_modeline(line)), default=-1) + 1
         first.leading = lines[cut:]
         return lines[:cut]
 
     def block(self, piece: Segment) -> None:
-        before: Item | None = None
+        previous: Item | None = None
         for item in piece.items:
-            self.ended = _chain(before.value) if before is not None else []
+            self.ended_blocks = _ending_blocks(previous.value) if previous is not None else []
             if item.key is not None:
-                item.leading = self.take(gap(self.text, self.at, item.start, compact=self.inside), piece.column)
+                item.leading = self.assign_comments(gap(self.text, self.position, item.start, compact=self.inside), piece.column)
                 self.mapping_item(item)
             else:
                 self.list_item(item, piece)
-            before = item
-        self.ended = _chain(before.value) if before is not None else []
+            previous = item
+        self.ended_blocks = _ending_blocks(previous.value) if previous is not None else []
 
     def mapping_item(self, item: Item) -> None:
         assert item.key is not None
@@ -208,7 +212,7 @@ class _Commenter:
         self.value(item, colon.end())
 
     def list_item(self, item: Item, piece: Segment) -> None:
-        dash = self.at
+        dash = self.position
         while dash < item.value.start:
             # a comment above the list may also contain dashes: only the dash in the column of the list marks an item
             if self.text[dash] == "-" and dash - (self.text.rfind("\n", 0, dash) + 1) == piece.column:
@@ -217,30 +221,30 @@ class _Commenter:
         else:
             raise UnsupportedStyle
         item.dash = dash
-        item.leading = self.take(gap(self.text, self.at, dash, compact=self.inside), piece.column)
+        item.leading = self.assign_comments(gap(self.text, self.position, dash, compact=self.inside), piece.column)
         self.value(item, dash + 1)
 
-    def value(self, item: Item, at: int) -> None:
+    def value(self, item: Item, after_key: int) -> None:
         value = item.value
         if value.block:
-            if self.text[at : value.start].strip() and value.body != value.start:
+            if self.text[after_key : value.start].strip() and value.body != value.start:
                 raise UnsupportedStyle
-            self.at = value.body if value.body != value.start else at
+            self.position = value.body if value.body != value.start else after_key
             self.last, self.inside = item, True
             self.block(value)
             return
-        item.verbatim = "#" in self.text[at : value.start]
+        item.verbatim = "#" in self.text[after_key : value.start]
         if value.start < value.end:
-            self.at = value.end
+            self.position = value.end
         else:
-            self.at = at
-            value.start = value.end = value.body = at
+            self.position = after_key
+            value.start = value.end = value.body = after_key
         self.last, self.inside = item, False
 
-    def take(self, gap: Trivia, column: int) -> list[str | None]:
-        """Assign the comments between two entries to one of the entries.
+    def assign_comments(self, gap: Trivia, column: int) -> list[str | None]:
+        """Assign the comments in `gap`, between two entries, to the previous entry or to the blocks that end there.
 
-        Return the comment lines of the next entry, which begins in the column `column`.
+        Return the remaining comment lines, which belong to the next entry. This entry begins in the column `column`.
         """
         if gap.comment is not None:
             if self.last is None:
@@ -249,22 +253,22 @@ class _Commenter:
                 self.last.key_comment = gap.comment
             else:
                 self.last.comment = gap.comment
-        chain = list(self.ended)
+        open_blocks = list(self.ended_blocks)
         leading: list[str | None] = []
-        blanks = 0
+        blank_count = 0
         trailing = True
         for line in gap.lines:
             if line is None:
-                blanks += 1
+                blank_count += 1
                 continue
-            place, words = line
-            chain = [piece for piece in chain if piece.column <= place] if trailing else []
-            trailing = trailing and place > column and bool(chain)
-            target = chain[-1].trailing if trailing else leading
-            target.extend([None] * blanks)
-            target.append(words)
-            blanks = 0
-        leading.extend([None] * blanks)
+            comment_column, comment = line
+            open_blocks = [piece for piece in open_blocks if piece.column <= comment_column] if trailing else []
+            trailing = trailing and comment_column > column and bool(open_blocks)
+            receiver = open_blocks[-1].trailing if trailing else leading
+            receiver.extend([None] * blank_count)
+            receiver.append(comment)
+            blank_count = 0
+        leading.extend([None] * blank_count)
         return leading
 
 
@@ -273,8 +277,8 @@ def is_modeline(line: str) -> bool:
     return bool(re.match(r"#\s*(yaml-language-server:|-\*-|vim?:|:schema\b)", line))
 
 
-def _chain(piece: Segment) -> list[Segment]:
-    """Return the block `piece` and all nested blocks that end at the same position, with the outermost block first."""
+def _ending_blocks(piece: Segment) -> list[Segment]:
+    """Return the block `piece`, its last value if this is also a block, and so on. These blocks all end at the same position."""
     blocks: list[Segment] = []
     while piece.block:
         blocks.append(piece)
@@ -291,7 +295,7 @@ def yaml_layout(text: str, shape: FieldType | None) -> str:
 
     Raises `UnsupportedStyle` for unsupported syntax.
     """
-    root, start, head = yaml_pieces(text)
+    root, start, head = cut_yaml(text)
     printer = _Printer(text)
     lines: list[str] = []
     if start:
@@ -299,7 +303,7 @@ def yaml_layout(text: str, shape: FieldType | None) -> str:
     lines.extend(line or "" for line in first_lines(head))
     if root.flow:
         lines.extend(printer.inline.value(root, shape, 0).split("\n"))
-        lines.extend(_own_lines(root.trailing, 0))
+        lines.extend(_indent_comments(root.trailing, 0))
     else:
         lines.extend(printer.mapping(root, shape, 0, top=True))
     return "\n".join(lines).rstrip("\n") + "\n"
@@ -316,29 +320,29 @@ class _Printer:
         # an alias may be among user-defined keys, which keep their order
         shape = None if piece.body > piece.start else shape
         shape = shape_for(shape, outline(piece))
-        items = [piece.items[at] for at in order_of(piece.items, shape)]
+        items = [piece.items[index] for index in order_of(piece.items, shape)]
         spaces = self.alignment(items)
         lines: list[str] = []
-        for at, item in enumerate(items):
-            if at == 0:
+        for index, item in enumerate(items):
+            if index == 0:
                 leading = first_lines(item.leading)
-            elif top and items[at - 1].value.block:
+            elif top and items[index - 1].value.block:
                 leading = [None, *first_lines(item.leading)]
             else:
                 leading = tidy(item.leading)
-            lines.extend(_own_lines(leading, indent))
-            lines.extend(self.entry(item, shape, indent, piece.column, spaces[at]))
-        return [*lines, *_own_lines(tidy(piece.trailing), indent)]
+            lines.extend(_indent_comments(leading, indent))
+            lines.extend(self.entry(item, shape, indent, piece.column, spaces[index]))
+        return [*lines, *_indent_comments(tidy(piece.trailing), indent)]
 
     def alignment(self, items: list[Item]) -> list[int]:
         """Return the number of spaces after the colon of each entry."""
-        written: list[tuple[int, int] | None] = []
+        columns: list[tuple[int, int] | None] = []
         for item in items:
             assert item.key is not None
-            between = self.text[item.key[1] : item.value.start]
-            plain = not item.value.block and item.value.start < item.value.end and between.startswith(":") and not between[1:].strip(" ")
-            written.append((len(between) - 1, item.value.start - item.key[0]) if plain else None)
-        return alignments(written)
+            gap_text = self.text[item.key[1] : item.value.start]
+            plain = not item.value.block and item.value.start < item.value.end and gap_text.startswith(":") and not gap_text[1:].strip(" ")
+            columns.append((len(gap_text) - 1, item.value.start - item.key[0]) if plain else None)
+        return alignments(columns)
 
     def entry(self, item: Item, shape: FieldType | None, indent: int, column: int, spaces: int) -> list[str]:
         assert item.key is not None
@@ -350,11 +354,11 @@ class _Printer:
         if value.start == value.end:
             return [append_comment(head, item.comment)]
         if item.verbatim:
-            written = indent_rest(self.text[item.key[0] : value.end], indent - column)
-            lines = (" " * indent + written).split("\n")
+            value_text = indent_rest(self.text[item.key[0] : value.end], indent - column)
+            lines = (" " * indent + value_text).split("\n")
         else:
-            written = self.leaf(value, below, indent - column)
-            lines = f"{head}{' ' * spaces}{written}".split("\n")
+            value_text = self.leaf(value, below, indent - column)
+            lines = f"{head}{' ' * spaces}{value_text}".split("\n")
         lines[-1] = append_comment(lines[-1], item.comment)
         return lines
 
@@ -367,31 +371,31 @@ class _Printer:
 
     def leaf(self, piece: Segment, shape: FieldType | None, by: int) -> str:
         """Format a scalar, an alias, or a value in braces or brackets. Trailing spaces are removed from empty lines of block scalars."""
-        written = self.inline.value(piece, shape, by)
+        formatted = self.inline.value(piece, shape, by)
         if piece.kind == "scalar" and self.text[piece.body] in "|>":
             original = self.text[piece.start : piece.end].split("\n")
             indents = [len(line) - len(line.lstrip(" ")) for line in original[1:] if line.strip(" ")]
             if "\t" in original[0]:
                 original[0] = original[0].rstrip()
             least = min(indents, default=0)
-            lines = written.split("\n")
-            for at, line in enumerate(original):
-                if at == 0:
+            lines = formatted.split("\n")
+            for index, line in enumerate(original):
+                if index == 0:
                     lines[0] = lines[0].rstrip()
                 elif not line.strip(" ") and len(line) <= least:
-                    lines[at] = ""
+                    lines[index] = ""
             return "\n".join(lines)
-        return written
+        return formatted
 
     def block(self, piece: Segment, shape: FieldType | None, indent: int) -> list[str]:
         if piece.kind == "map":
             return self.mapping(piece, shape, indent)
         shape = shape_for(shape, outline(piece))
         lines: list[str] = []
-        for at, item in enumerate(piece.items):
-            lines.extend(_own_lines(tidy(item.leading) if at else first_lines(item.leading), indent))
+        for index, item in enumerate(piece.items):
+            lines.extend(_indent_comments(tidy(item.leading) if index else first_lines(item.leading), indent))
             lines.extend(self.list_item(item, shape_below(shape, None), indent, piece.column))
-        return [*lines, *_own_lines(tidy(piece.trailing), indent)]
+        return [*lines, *_indent_comments(tidy(piece.trailing), indent)]
 
     def list_item(self, item: Item, shape: FieldType | None, indent: int, column: int) -> list[str]:
         dash = " " * indent + "-"
@@ -411,5 +415,5 @@ class _Printer:
         return lines
 
 
-def _own_lines(lines: list[str | None], indent: int) -> list[str]:
+def _indent_comments(lines: list[str | None], indent: int) -> list[str]:
     return [" " * indent + line if line is not None else "" for line in lines]

@@ -28,24 +28,24 @@ def read_csv(source: Source, report: Report) -> MappingNode | None:
         columns = f"`{','.join(COLUMNS)}` for a catalogue, or `time,elbow [deg]` for a motion"
         report.add(Code.NOT_A_MAPPING, "the table is empty", source.span(0, 0), help=f"start the table with its columns: {columns}")
         return None
-    whole, header = source.span(0, len(source.text)), rows[0]
+    table_span, header = source.span(0, len(source.text)), rows[0]
     names = [text for text, _ in header]
-    if len(header) == 1 and (other := next((mark for mark in ";\t" if mark in names[0]), None)):
-        mark = "`;`" if other == ";" else "tabs"
+    if len(header) == 1 and (delimiter := next((mark for mark in ";\t" if mark in names[0]), None)):
+        mark = "`;`" if delimiter == ";" else "tabs"
         report.add(Code.SYNTAX, f"expected cells separated by `,`, found {mark}", header[0][1], help="export the table with commas")
         return None
     if any(text.startswith("time") for text in names) or not any(nearest(text, COLUMNS) for text in names):
-        return MappingNode(entries={}, keys={}, span=whole)
+        return MappingNode(entries={}, keys={}, span=table_span)
     unknown = [(text, span) for text, span in header if text not in COLUMNS]
     for text, span in unknown:
         help = did_you_mean(text, [name for name in COLUMNS if name not in names], what="columns")
         report.add(Code.UNKNOWN_KEY, f"unknown column `{shorten(text)}`", span, help=help)
-    twice = [(text, span) for k, (text, span) in enumerate(header) if text in names[:k]]
-    for text, span in twice:
+    duplicates = [(text, span) for k, (text, span) in enumerate(header) if text in names[:k]]
+    for text, span in duplicates:
         report.add(Code.DUPLICATE_KEY, f"the column `{shorten(text)}` occurs twice", span, help="remove one of the columns")
     if COLUMNS[0] not in names and not unknown:
         report.add(Code.MISSING_KEY, f"the column `{COLUMNS[0]}` is missing", header[0][1], help="add the column, with part numbers")
-    if unknown or twice or COLUMNS[0] not in names:
+    if unknown or duplicates or COLUMNS[0] not in names:
         return None
     entries: list[Node] = []
     for row in rows[1:]:
@@ -64,21 +64,21 @@ def read_csv(source: Source, report: Report) -> MappingNode | None:
                 entries={name: ScalarNode(value=text, text=text, span=span) for name, text, _, span in filled},
                 keys={name: span for name, _, _, span in filled}, span=filled[0][3],
             ))
-    return MappingNode(entries={"rows": SequenceNode(items=tuple(entries), span=whole)}, keys={"rows": whole}, span=whole)
+    return MappingNode(entries={"rows": SequenceNode(items=tuple(entries), span=table_span)}, keys={"rows": table_span}, span=table_span)
 
 
 def cells_of(source: Source, report: Report) -> list[list[tuple[str, Span]]] | None:
     """Split a table into rows of cells, each with its span. Empty rows are omitted."""
     rows: list[list[tuple[str, Span]]] = []
-    at = 0
+    position = 0
     reader = csv.reader(io.StringIO(source.text, newline=""), strict=True, skipinitialspace=True)
     try:
         for cells in reader:
             row: list[tuple[str, Span]] = []
             for text in map(str.rstrip, cells):
-                start = source.text.find(text, at)  # not found if a quote is written as two
-                at = at if start < 0 else start + len(text)
-                row.append((text, source.span(at - len(text) if start >= 0 else at, at)))
+                start = source.text.find(text, position)  # not found if a quote is written as two
+                position = position if start < 0 else start + len(text)
+                row.append((text, source.span(position - len(text) if start >= 0 else position, position)))
             if any(cells):
                 rows.append(row)
     except csv.Error:

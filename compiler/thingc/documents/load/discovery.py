@@ -30,7 +30,7 @@ _TABLE = re.compile(rb"^[ \t]*\[", re.MULTILINE)
 """Regular expression of the first table header of a TOML file. Keys after the header belong to a table such as `[project.scripts]`, not to
 the document itself.
 """
-_OTHERS = frozenset({"node_modules", "__pycache__"})
+_SKIPPED_FOLDERS = frozenset({"node_modules", "__pycache__"})
 
 
 def documents_in(folder: str, workspace: Workspace | None = None) -> list[str]:
@@ -46,25 +46,24 @@ def documents_in(folder: str, workspace: Workspace | None = None) -> list[str]:
 
 
 def _documents(folder: str, workspace: Workspace | None, *, bounded: bool) -> list[str]:
-    """Return all documents below a folder.
+    """Return the absolute paths of all documents below a folder, sorted.
 
-    With `bounded`, only the nearest `MOST_FOLDERS` folders and `MOST_FILES` candidate files are read.
+    With `bounded`, only the nearest `MOST_FOLDERS` folders and at most `MOST_FILES` files are examined.
     """
     paths: list[str] = []
     build = os.path.realpath(workspace.build) if workspace is not None else None
-    waiting = deque([os.path.abspath(folder)])
-    looked = read = 0
-    while waiting and not (bounded and (looked == MOST_FOLDERS or read >= MOST_FILES)):
-        place = waiting.popleft()
-        if looked and (os.path.islink(place) or not _belongs(place, build)):
+    queue = deque([os.path.abspath(folder)])
+    visited = read = 0
+    while queue and not (bounded and (visited == MOST_FOLDERS or read >= MOST_FILES)):
+        current = queue.popleft()
+        if visited and (os.path.islink(current) or not _is_searched(current, build)):
             continue
-        path, folders, files = next(os.walk(place), ("", [], []))
-        waiting += (os.path.join(path, name) for name in sorted(folders) if not name.startswith(".") and name not in _OTHERS)
-        named = [name for name in sorted(files) if name.lower().endswith(DOCUMENT_SUFFIXES) and not name.startswith(".")]
-        paths += [
-            os.path.join(path, name) for name in (named[:MOST_FILES - read] if bounded else named) if is_document(os.path.join(path, name))
-        ]
-        looked, read = looked + 1, read + len(named)
+        path, folders, files = next(os.walk(current), ("", [], []))
+        queue += (os.path.join(path, name) for name in sorted(folders) if not name.startswith(".") and name not in _SKIPPED_FOLDERS)
+        candidates = [name for name in sorted(files) if name.lower().endswith(DOCUMENT_SUFFIXES) and not name.startswith(".")]
+        candidates = [os.path.join(path, name) for name in (candidates[:MOST_FILES - read] if bounded else candidates)]
+        paths += [candidate for candidate in candidates if is_document(candidate)]
+        visited, read = visited + 1, read + len(candidates)
     return sorted(paths)
 
 
@@ -116,7 +115,7 @@ def has_header(head: bytes, path: str, kind: str = "") -> bool:
     return header is not None and head[header.end():].lstrip(b" \t\"'").startswith(kind.encode())
 
 
-def _belongs(path: str, build: str | None) -> bool:
+def _is_searched(path: str, build: str | None) -> bool:
     if os.path.exists(os.path.join(path, "pyvenv.cfg")):
         return False
     return build is None or (os.path.realpath(path) != build and not os.path.exists(os.path.join(path, "thingc.toml")))
@@ -130,35 +129,35 @@ def is_packaged(text: str) -> bool:
     return _DOTTED.fullmatch(text) is not None and not text.lower().endswith(DOCUMENT_SUFFIXES)
 
 
-def find_packaged(text: str, *, where: Span | None, workspace: Workspace, looked_at: set[str], report: Report) -> str | None:
+def find_packaged(text: str, *, where: Span | None, workspace: Workspace, examined: set[str], report: Report) -> str | None:
     """Find a document by its dotted name, and return its absolute path.
 
     The part folders of the workspace are searched before the allowed packages.
 
     If the document does not exist, report an error at `where` and return None. All examined paths, existing or not, are added to
-    `looked_at`.
+    `examined`.
     """
-    package, *words = text.split(".")
+    package, *modules = text.split(".")
     installed = package_folder(package) if package in workspace.packages else None
-    tops = [os.path.join(folder, package) for folder in workspace.parts] + ([installed] if installed is not None else [])
-    for top in tops:
+    package_folders = [os.path.join(folder, package) for folder in workspace.parts] + ([installed] if installed is not None else [])
+    for package_path in package_folders:
         for suffix in (*DOCUMENT_SUFFIXES, *OWN_SUFFIXES):
-            path = os.path.join(top, *words) + suffix
-            looked_at.add(path)
-            if os.path.isfile(path) and _stays(path, top, workspace):
+            path = os.path.join(package_path, *modules) + suffix
+            examined.add(path)
+            if os.path.isfile(path) and _in_package(path, package_path, workspace):
                 return path
-    shown, known = shorten(text), packaged_documents(workspace)
-    if any(os.path.isdir(top) for top in tops):
+    name, available = shorten(text), packaged_documents(workspace)
+    if any(os.path.isdir(package_path) for package_path in package_folders):
         report.add(
-            Code.MISSING_FILE, f"there is no document `{shown}` in the package `{package}`", where,
-            help=did_you_mean(text, known, what="documents of packages"),
+            Code.MISSING_FILE, f"there is no document `{name}` in the package `{package}`", where,
+            help=did_you_mean(text, available, what="documents of packages"),
         )
     elif package in workspace.packages:
-        report.add(Code.MISSING_FILE, f"there is no document `{shown}`: the package `{package}` is not installed", where, help="install it")
+        report.add(Code.MISSING_FILE, f"there is no document `{name}`: the package `{package}` is not installed", where, help="install it")
     else:  # possibly a file of another type
         report.add(
-            Code.FILE_TYPE, f"expected a materials document ({', '.join(DOCUMENT_SUFFIXES)}), found `{shown}`", where,
-            help=near_hint(text, known),
+            Code.FILE_TYPE, f"expected a materials document ({', '.join(DOCUMENT_SUFFIXES)}), found `{name}`", where,
+            help=near_hint(text, available),
         )
     return None
 
@@ -171,12 +170,13 @@ def packaged_documents(workspace: Workspace) -> dict[str, str]:
     for top in (*folders, *packages):
         for name in listing(top):
             stem, path = without_suffix(name), os.path.join(top, name)
-            if stem.isidentifier() and name.endswith(DOCUMENT_SUFFIXES) and _stays(path, top, workspace) and is_document(path, "materials"):
+            named = stem.isidentifier() and name.endswith(DOCUMENT_SUFFIXES)
+            if named and _in_package(path, top, workspace) and is_document(path, "materials"):
                 documents.setdefault(f"{os.path.basename(top)}.{stem}", path)
     return dict(sorted(documents.items()))
 
 
-def _stays(path: str, top: str, workspace: Workspace) -> bool:
+def _in_package(path: str, top: str, workspace: Workspace) -> bool:
     """Return whether a file is in its package after symbolic links are resolved.
 
     If the package is in the workspace, the file must also be in the workspace.

@@ -44,9 +44,9 @@ class Documents(FrozenStruct):
     """A parsed root document and all parsed documents that it references, directly or indirectly.
 
     `by_path` is keyed by path in the workspace, in the order of first reference. `links` maps pairs (path of a document, reference in this
-    document) to the path of the referenced document. `broken` contains the documents on a reported cycle of assemblies. `files` contains
-    the absolute paths of all files in the workspace that the documents reference, with symbolic links unresolved. Missing files, and all
-    paths that were examined to find documents of packages, are also in `files`.
+    document) to the path of the referenced document. `broken` contains the paths of documents on a reported cycle of assemblies. `files`
+    contains the absolute paths of all referenced files in the workspace, existing or not, and all paths that were examined to find
+    documents of packages. Symbolic links in these paths are not resolved.
     """
 
     root: Document
@@ -90,7 +90,7 @@ def load(
     if root is None:
         return None
     if root.kind not in kinds:
-        _refuse(root, kinds, report)
+        _report_kind(root, kinds, report)
         return None
     reader.follow(root, [])
     return reader.documents(root)
@@ -110,12 +110,10 @@ def _cache_inputs(path: str, relative: str, sha256: str) -> tuple[tuple[str, str
 
 
 def load_more(documents: Documents, texts: Iterable[str], workspace: Workspace, report: Report) -> Documents:
-    """Read additional assemblies and the documents that they reference.
+    """Read additional assemblies and the documents that they reference, and return them together with `documents`.
 
-    Return the new documents together with `documents`. `texts` contains references to the additional assemblies, relative to the root
-    document.
-
-    Documents that have already been read are not read again. Only errors of new documents are reported.
+    `texts` contains the paths of the additional assemblies, relative to the root document. Documents that have already been read are not
+    read again. Only errors of new documents are reported.
     """
     reader = _Reader(workspace, report)
     reader.by_path.update(documents.by_path)
@@ -130,7 +128,7 @@ def load_more(documents: Documents, texts: Iterable[str], workspace: Workspace, 
     return reader.documents(documents.root)
 
 
-def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
+def _report_kind(root: Document, kinds: Collection[str], report: Report) -> None:
     """Report that the root document has a kind that the command does not accept, such as `materials` instead of `assembly`."""
     if root.kind == "variants":
         report.add(
@@ -138,10 +136,10 @@ def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
             help="use `thingc batch` to build all variants, or build the assembly with -p 'NAME=VALUE' for a single variant",
         )
         return
-    *others, last = (f"`{kind}`" for kind in kinds)
-    wanted = f"{', '.join(others)} or {last}" if others else last
+    *first_kinds, last = (f"`{kind}`" for kind in kinds)
+    expected = f"{', '.join(first_kinds)} or {last}" if first_kinds else last
     report.add(
-        Code.WRONG_KIND, f"expected a document of kind {wanted}, found `{root.kind}`", root.span(("thingc",)), help=(
+        Code.WRONG_KIND, f"expected a document of kind {expected}, found `{root.kind}`", root.span(("thingc",)), help=(
             "use a variants document, or `thingc build` to build one assembly" if kinds == ("variants",)
             else "use `thingc calibration ROBOT FILE`" if root.kind == "calibration" or kinds == ("calibration",)
             else "use the assembly that lists this document" if root.kind == "materials"
@@ -206,8 +204,8 @@ class _Reader:
         self.broken: set[str] = set()
         self.files: set[str] = set()
         self.bytes = 0
-        self.ended = False
-        self.before = len(report.diagnostics)
+        self.stopped = False
+        self.faults_before = len(report.diagnostics)
 
     def documents(self, root: Document) -> Documents:
         """Return all documents that this reader has read, as `Documents` with the root document `root`."""
@@ -215,30 +213,30 @@ class _Reader:
 
     def find(self, text: str, document: Document, where: Span | None, kind: str) -> str | None:
         """Return the absolute path of a file of a kind in `_REFERENCED` that a document references (see `find_file`)."""
-        what, suffixes = _REFERENCED[kind]
-        wanted = resolve_path(text, document.path)
-        if wanted is not None and self.workspace.contains(wanted):
-            self.files.add(wanted)
+        description, suffixes = _REFERENCED[kind]
+        resolved = resolve_path(text, document.path)
+        if resolved is not None and self.workspace.contains(resolved):
+            self.files.add(resolved)
         return find_file(
-            text, beside=document.path, where=where, workspace=self.workspace, suffixes=suffixes, what=what, report=self.report,
+            text, relative_to=document.path, where=where, workspace=self.workspace, suffixes=suffixes, what=description, report=self.report,
         )
 
-    def enough(self, where: Span) -> bool:
-        """Return whether the total size of the documents exceeds `MAX_ALL_BYTES`, or too many errors were reported.
+    def limit_exceeded(self, where: Span) -> bool:
+        """Return whether a limit is exceeded: the total size of all documents (`MAX_ALL_BYTES`), or the number of errors.
 
-        If the result is True, report an error. No further documents are read.
+        The first time a limit is exceeded, report an error at `where`.
         """
-        if self.ended:
+        if self.stopped:
             return True
         if self.bytes > MAX_ALL_BYTES:
             self.report.add(
                 Code.TOO_LARGE, f"this document and the documents that it refers to have more than {MAX_ALL_BYTES} bytes", where,
             )
-        elif len(self.report.diagnostics) - self.before > MAX_FAULTS:
+        elif len(self.report.diagnostics) - self.faults_before > MAX_FAULTS:
             self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} errors; the remaining files are not read", where)
         else:
             return False
-        self.ended = True
+        self.stopped = True
         return True
 
     def read(self, path: str) -> Document | None:
@@ -257,7 +255,7 @@ class _Reader:
         sha256 = hashlib.sha256(data).hexdigest()
         document: Document | None = self.memo.last(*_cache_inputs(path, relative, sha256))
         if document is None:
-            said = len(self.report.diagnostics)
+            diagnostics_before = len(self.report.diagnostics)
             tree = read_tree(path, data, self.report)
             if tree is not None and path.lower().endswith(CATALOG_SUFFIXES):
                 kind: str | None = "catalog" if tree.entries else "motion"
@@ -266,7 +264,7 @@ class _Reader:
             if tree is None or kind is None:
                 return None
             document = Document(path=path, relative=relative, kind=kind, tree=tree, sha256=sha256, text=data.decode("utf-8-sig"))
-            if len(self.report.diagnostics) == said:
+            if len(self.report.diagnostics) == diagnostics_before:
                 remember(document, self.memo)
         self.by_path[relative] = document
         self.failed.discard(relative)
@@ -280,28 +278,28 @@ class _Reader:
         if document.relative in self.done:
             return
         self.done.add(document.relative)
-        if document.kind not in _FILES:
+        if document.kind not in _REFERENCES_BY_KIND:
             return
-        for key, text, where in _FILES[document.kind](document.tree):
-            if self.enough(where):
+        for key, text, where in _REFERENCES_BY_KIND[document.kind](document.tree):
+            if self.limit_exceeded(where):
                 return
             if key in ("file", "mesh", "picture"):
                 path = self.find(text, document, where, key)
                 if key == "mesh" and path is not None:
                     self.files.update(os.path.join(os.path.dirname(path), name) for name in libraries(path))
-            elif (named := self.read_referenced(document, text, where, key)) is None:
+            elif (referenced := self.read_referenced(document, text, where, key)) is None:
                 continue
             elif key == "assembly":
-                self.nest(named, [*chain, (document, where)])
+                self.nest(referenced, [*chain, (document, where)])
             else:
-                self.follow(named, chain)
+                self.follow(referenced, chain)
 
     def nest(self, nested: Document, hops: list[tuple[Document, Span]]) -> None:
-        """Read the document of a nested assembly and the documents that it references.
+        """Read the documents that the document of a nested assembly references. Report cycles, and assemblies that are nested too deeply.
 
-        `hops` contains the assemblies in which this document is nested.
+        `hops` contains the assemblies in which `nested` is nested, each with the location of its reference to the next assembly.
         """
-        position = next((k for k, (above, _) in enumerate(hops) if above.relative == nested.relative), None)
+        position = next((k for k, (ancestor, _) in enumerate(hops) if ancestor.relative == nested.relative), None)
         if position is not None:
             self.cycle(hops[position:])
         elif len(hops) >= MAX_CHAIN:
@@ -311,18 +309,18 @@ class _Reader:
 
     def cycle(self, hops: list[tuple[Document, Span]]) -> None:
         names = [document.relative for document, _ in hops]
-        following = [*names[1:], names[0]]
+        next_names = [*names[1:], names[0]]
         self.broken.update(names)
         self.report.add(
             Code.DOCUMENT_CYCLE, f"`{names[0]}` contains itself: {' -> '.join([*names, names[0]])}", hops[0][1], notes=[
                 Note(message=f"`{name}` contains `{inner}` here", span=where)
-                for name, inner, (_, where) in zip(names[1:], following[1:], hops[1:], strict=True)
+                for name, inner, (_, where) in zip(names[1:], next_names[1:], hops[1:], strict=True)
             ], help="remove one of the components that form the cycle",
         )
 
     def read_referenced(self, document: Document, text: str, where: Span | None, kind: str) -> Document | None:
         if kind == "materials" and is_packaged(text):
-            path = find_packaged(text, where=where, workspace=self.workspace, looked_at=self.files, report=self.report)
+            path = find_packaged(text, where=where, workspace=self.workspace, examined=self.files, report=self.report)
         else:
             path = self.find(text, document, where, kind)
         target = None if path is None else self.read(path)
@@ -389,31 +387,28 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
     return kind
 
 
-def _named_files(tree: MappingNode) -> Iterator[tuple[str, str, Span]]:
-    """Yield the files that an assembly document references, such as part files, meshes of links, and nested assemblies.
-
-    Each item contains the key (such as `file` or `mesh`), the reference, and its location.
-    """
+def _assembly_references(tree: MappingNode) -> Iterator[tuple[str, str, Span]]:
+    """Yield all files that an assembly document references: the kind of the file (a key of `_REFERENCED`), the path, and its location."""
     components = [entries_of(one) for one in entries_of(tree.entries.get("components")).values()]
     listed = [entries for one in components for entries in (one, entries_of(one.get("collision")))]
     shapes = [entries_of(shape) for one in listed for shape in _items(one.get("shapes"))]
-    named = [
+    references = [
         *(("materials", one) for one in _items(tree.entries.get("materials"))), *(("file", one.get("file")) for one in components),
         *(("mesh", one.get("mesh")) for one in shapes), *(("assembly", one.get("assembly")) for one in components),
         ("catalog", tree.entries.get("catalog")),
         *(("motion", entries_of(one).get("file")) for one in entries_of(tree.entries.get("motions")).values()),
         *(("picture", entries_of(one.get("bom")).get("picture")) for one in components),
     ]
-    yield from _texts(named)
+    yield from _string_references(references)
 
 
-def _pictures(tree: MappingNode) -> Iterator[tuple[str, str, Span]]:
+def _catalog_references(tree: MappingNode) -> Iterator[tuple[str, str, Span]]:
     """Yield the pictures that a catalogue references."""
-    yield from _texts(("picture", entries_of(row).get("picture")) for row in _items(tree.entries.get("rows")))
+    yield from _string_references(("picture", entries_of(row).get("picture")) for row in _items(tree.entries.get("rows")))
 
 
-def _texts(named: Iterable[tuple[str, Node | None]]) -> Iterator[tuple[str, str, Span]]:
-    for key, node in named:
+def _string_references(references: Iterable[tuple[str, Node | None]]) -> Iterator[tuple[str, str, Span]]:
+    for key, node in references:
         if isinstance(node, ScalarNode) and isinstance(node.value, str):
             yield key, node.value, node.span
 
@@ -422,7 +417,7 @@ def _items(node: Node | None) -> tuple[Node, ...]:
     return node.items if isinstance(node, SequenceNode) else ()
 
 
-_FILES = {"assembly": _named_files, "catalog": _pictures}
+_REFERENCES_BY_KIND = {"assembly": _assembly_references, "catalog": _catalog_references}
 """For each kind of document that can reference other files, the function that yields them."""
 
 _REFERENCED = {

@@ -34,41 +34,41 @@ _DRIVE = re.compile(r"[A-Za-z]:|\\\\")
 
 
 def find_file(
-    text: str, *, beside: str, where: Span | None, workspace: Workspace, suffixes: tuple[str, ...], what: str, report: Report,
+    text: str, *, relative_to: str, where: Span | None, workspace: Workspace, suffixes: tuple[str, ...], what: str, report: Report,
 ) -> str | None:
-    """Return the absolute path of a file that the document at the path `beside` references.
+    """Return the absolute path of a file that the document at the path `relative_to` references by the relative path `text`.
 
-    Report an error at `where` and return None if the reference is an absolute path. The same applies if the file is outside the workspace,
-    does not exist, or has none of the `suffixes`. `what` is the description of the file in messages, such as `an assembly document`.
+    Report an error at `where` and return None if `text` is an absolute path, or if the file is outside the workspace, does not exist, or
+    has none of the `suffixes`. `what` is a description of the file for messages, such as `an assembly document`.
     """
-    shown = shorten(text)
+    name = shorten(text)
     if not text.strip():
-        report.add(Code.MISSING_FILE, f"expected the path of {what}, found `{shown}`", where)
+        report.add(Code.MISSING_FILE, f"expected the path of {what}, found `{name}`", where)
         return None
     if os.path.isabs(text) or text.startswith(("/", "~")) or _DRIVE.match(text):
         report.add(
-            Code.OUTSIDE_WORKSPACE, f"`{shown}` is an absolute path", where,
+            Code.OUTSIDE_WORKSPACE, f"`{name}` is an absolute path", where,
             help="write a path relative to this document, inside the workspace",
         )
         return None
-    path = resolve_path(text, beside)
+    path = resolve_path(text, relative_to)
     if path is None:
         refuse_name(text, where, report)
         return None
     if not workspace.contains(path):
         report.add(
-            Code.OUTSIDE_WORKSPACE, f"`{shown}` is outside the workspace", where,
+            Code.OUTSIDE_WORKSPACE, f"`{name}` is outside the workspace", where,
             help="move the file into the folder of `thingc.toml`, or create a `thingc.toml` in a folder above both",
         )
         return None
     if not path.lower().endswith(suffixes):
-        report.add(Code.FILE_TYPE, f"expected {what} ({', '.join(suffixes)}), found `{shown}`", where)
+        report.add(Code.FILE_TYPE, f"expected {what} ({', '.join(suffixes)}), found `{name}`", where)
         return None
     if not os.path.isfile(path):
         if os.path.isdir(path):
-            report.add(Code.MISSING_FILE, f"`{shown}` is a folder, not a file", where, help="use a file in this folder")
+            report.add(Code.MISSING_FILE, f"`{name}` is a folder, not a file", where, help="use a file in this folder")
         else:
-            report.add(Code.MISSING_FILE, f"there is no file `{shown}`", where, help=_missing_file_hint(path, text, beside, suffixes))
+            report.add(Code.MISSING_FILE, f"there is no file `{name}`", where, help=_missing_file_hint(path, text, relative_to, suffixes))
         return None
     relative = workspace.relative(path)
     if find_invisible(relative):  # the target of a link
@@ -77,22 +77,18 @@ def find_file(
     return path
 
 
-def find_assembly(text: str, *, beside: str, where: Span | None, workspace: Workspace, report: Report) -> str | None:
-    """Return the absolute path of a referenced assembly document.
-
-    The same rules apply as in `find_file`.
-    """
-    return find_file(
-        text, beside=beside, where=where, workspace=workspace, suffixes=DOCUMENT_SUFFIXES, what="an assembly document", report=report,
-    )
+def find_assembly(text: str, *, relative_to: str, where: Span | None, workspace: Workspace, report: Report) -> str | None:
+    """Return the absolute path of a referenced assembly document, or report an error and return None, as `find_file` does."""
+    suffixes, what = DOCUMENT_SUFFIXES, "an assembly document"
+    return find_file(text, relative_to=relative_to, where=where, workspace=workspace, suffixes=suffixes, what=what, report=report)
 
 
-def resolve_path(text: str, beside: str) -> str | None:
-    """Convert a path in the document at the path `beside` to an absolute path, whether or not the file exists.
+def resolve_path(text: str, relative_to: str) -> str | None:
+    """Convert the path `text` in the document at the path `relative_to` to an absolute path. The file need not exist.
 
     Return None for an invalid path.
     """
-    return None if find_invisible(text) else os.path.normpath(os.path.join(os.path.dirname(beside), text))
+    return None if find_invisible(text) else os.path.normpath(os.path.join(os.path.dirname(relative_to), text))
 
 
 def libraries(path: str) -> tuple[str, ...]:
@@ -114,22 +110,22 @@ def libraries(path: str) -> tuple[str, ...]:
 
 def refuse_name(name: str, where: Span | None, report: Report) -> None:
     """Report a file name that contains invisible characters or is not valid UTF-8."""
-    what = "invisible characters" if is_text(name) else "bytes that are not UTF-8"
+    problem = "invisible characters" if is_text(name) else "bytes that are not UTF-8"
     report.add(
-        Code.FILE_NAME, f"the file name `{escape_control(name)}` has {what}: `{escape_control(find_invisible(name))}`", where,
+        Code.FILE_NAME, f"the file name `{escape_control(name)}` has {problem}: `{escape_control(find_invisible(name))}`", where,
         help="rename the file: use letters, digits, spaces and visible characters",
     )
 
 
-def _missing_file_hint(path: str, text: str, beside: str, suffixes: tuple[str, ...]) -> Hint:
-    """Return a hint for a file that does not exist: a file with a similar name in the same folder, or the names of existing files."""
+def _missing_file_hint(path: str, text: str, relative_to: str, suffixes: tuple[str, ...]) -> Hint:
+    """Return a hint for a missing file: a file with a similar name in the same folder, or the names of all files in this folder."""
     folder = os.path.dirname(path)
     prefix = text[: len(text) - len(os.path.basename(text))]
     try:
         files = [entry.name for entry in os.scandir(folder) if entry.is_file() and entry.name.lower().endswith(suffixes)]
     except OSError:
         return f"there is no folder `{shorten(prefix)}` here" if prefix else "use a path relative to this document"
-    names = [prefix + name for name in files if os.path.join(folder, name) != os.path.normpath(beside)]
+    names = [prefix + name for name in files if os.path.join(folder, name) != os.path.normpath(relative_to)]
     if not names:
         return "correct the path, which is relative to this document"
     return file_meant(text, names)

@@ -28,7 +28,7 @@ differently), surrogates, and a byte order mark that is not at the start. The ex
 compilation takes as long as reading a short document.
 """
 
-_SPOKEN = {
+_CHARACTER_NAMES = {
     "\ufeff": "a byte order mark", "\u2028": "a line separator", "\u2029": "a paragraph separator",
     "\x85": "a next-line character", "\x00": "a zero byte",
 }
@@ -89,10 +89,10 @@ def decode(file: str, data: bytes, report: Report) -> Source | None:
         )
         return None
     source = Source(file, text)
-    bad = find_forbidden(text)
-    if bad is not None:
-        at, words = bad
-        report.add(Code.SYNTAX, words, source.span(at, at + 1), help="delete the character; most editors do not show it")
+    forbidden = find_forbidden(text)
+    if forbidden is not None:
+        index, message = forbidden
+        report.add(Code.SYNTAX, message, source.span(index, index + 1), help="delete the character; most editors do not show it")
         return None
     return source
 
@@ -102,9 +102,9 @@ def find_forbidden(text: str) -> tuple[int, str] | None:
 
     Return its index and a description, or None if there is no such character.
     """
-    bad = re.search(_FORBIDDEN_ASCII if text.isascii() else _FORBIDDEN, text)
-    if bad is None:
+    match = re.search(_FORBIDDEN_ASCII if text.isascii() else _FORBIDDEN, text)
+    if match is None:
         return None
-    character = bad.group()
-    name = _SPOKEN.get(character, "half of a surrogate pair" if "\ud800" <= character <= "\udfff" else "a control character")
-    return bad.start(), f"{name} (U+{ord(character):04X}) is not allowed in a document"
+    character = match.group()
+    name = _CHARACTER_NAMES.get(character, "half of a surrogate pair" if "\ud800" <= character <= "\udfff" else "a control character")
+    return match.start(), f"{name} (U+{ord(character):04X}) is not allowed in a document"

@@ -47,17 +47,17 @@ class TomlSyntax:
         self.root = Parser(Language(tree_sitter_toml.language())).parse(self._data).root_node
         self._offsets: list[int] | None = None
         if len(self._data) != len(text):
-            self._offsets = [at for at, byte in enumerate(self._data) if byte & 0xC0 != 0x80]
+            self._offsets = [offset for offset, byte in enumerate(self._data) if byte & 0xC0 != 0x80]
 
     def range(self, node: Syntax) -> tuple[int, int]:
         """Return the start and the end (exclusive) of a syntax node, as character indices into the text of the document."""
         start, end = node.start_byte, node.end_byte
         return (start, end) if self._offsets is None else (bisect_left(self._offsets, start), bisect_left(self._offsets, end))
 
-    def words(self, key: Syntax) -> list[tuple[str, tuple[int, int]]]:
+    def split_key(self, key: Syntax) -> list[tuple[str, tuple[int, int]]]:
         """Split a dotted key such as `a.b` into its words. Return each word with its range of characters."""
         if key.type == "dotted_key":
-            return [part for child in key.named_children for part in self.words(child)]
+            return [part for child in key.named_children for part in self.split_key(child)]
         text = self._data[key.start_byte : key.end_byte].decode()
         if key.type == "quoted_key":
             try:
@@ -103,13 +103,13 @@ _Item = Union[_Leaf, _Array, _Table]
 
 
 class _Statements:
-    """Adds the statements of a TOML document to their tables, in source order. If a report is given, duplicate keys are reported."""
+    """Converts the statements of a TOML document to a tree of tables. If a report is given, duplicate keys are reported."""
 
     def __init__(self, source: Source, syntax: TomlSyntax, report: Report | None) -> None:
         self.source = source
         self.syntax = syntax
         self.report = report
-        self.before = len(report.diagnostics) if report is not None else 0
+        self.faults_before = len(report.diagnostics) if report is not None else 0
 
     def read(self) -> _Table:
         root = _Table(0, len(self.source.text))
@@ -124,32 +124,32 @@ class _Statements:
         children = statement.named_children
         if not children:
             return
-        parts = self.syntax.words(children[0])
+        key_names = self.syntax.split_key(children[0])
         start, end = self.syntax.range(statement)
         end = start + len(self.source.text[start:end].rstrip())
-        table = self.descend(root, parts[:-1], start, end)
-        if table is None or not parts:
+        table = self.descend(root, key_names[:-1], start, end)
+        if table is None or not key_names:
             return
-        name, place = parts[-1]
+        name, key_range = key_names[-1]
         entry = table.entries.get(name)
         if statement.type == "table_array_element":
             if not isinstance(entry, _Array):
-                if self.twice(table, name, place):
+                if self.is_duplicate(table, name, key_range):
                     return
                 entry = _Array(start, end)
-                table.entries[name], table.keys[name] = entry, place
+                table.entries[name], table.keys[name] = entry, key_range
             inner = _Table(start, end)
             entry.items.append(inner)
             entry.end = end
         elif isinstance(entry, _Table) and not entry.declared:
             inner = entry
             inner.start, inner.end, inner.declared = min(inner.start, start), max(inner.end, end), True
-            table.again.append((name, place))
-        elif self.twice(table, name, place):
+            table.again.append((name, key_range))
+        elif self.is_duplicate(table, name, key_range):
             return
         else:
             inner = _Table(start, end, declared=True)
-            table.entries[name], table.keys[name] = inner, place
+            table.entries[name], table.keys[name] = inner, key_range
         for child in children[1:]:
             if child.type == "pair":
                 self.pair(inner, child)
@@ -158,43 +158,43 @@ class _Statements:
         children = [child for child in statement.named_children if child.type != "comment"]
         if len(children) < 2:
             return
-        parts = self.syntax.words(children[0])
+        key_names = self.syntax.split_key(children[0])
         value = self.value(children[1])
-        target = self.descend(table, parts[:-1], self.syntax.range(statement)[0], value.end) if parts else None
+        target = self.descend(table, key_names[:-1], self.syntax.range(statement)[0], value.end) if key_names else None
         if target is None:
             return
-        name, place = parts[-1]
-        if not self.twice(target, name, place):
-            target.entries[name], target.keys[name] = value, place
+        name, key_range = key_names[-1]
+        if not self.is_duplicate(target, name, key_range):
+            target.entries[name], target.keys[name] = value, key_range
 
-    def twice(self, table: _Table, name: str, place: tuple[int, int]) -> bool:
+    def is_duplicate(self, table: _Table, name: str, key_range: tuple[int, int]) -> bool:
         if name not in table.entries:
             return False
-        if self.report is not None and len(self.report.diagnostics) - self.before < MAX_FAULTS:
+        if self.report is not None and len(self.report.diagnostics) - self.faults_before < MAX_FAULTS:
             span = self.source.span
             self.report.add(
-                Code.DUPLICATE_KEY, f"the key `{shorten(name)}` is written twice", span(*place),
+                Code.DUPLICATE_KEY, f"the key `{shorten(name)}` is written twice", span(*key_range),
                 notes=[Note(message="first defined here", span=span(*table.keys[name]))], help="remove or rename one of the two keys",
             )
         return True
 
-    def descend(self, table: _Table, parts: list[tuple[str, tuple[int, int]]], start: int, end: int) -> _Table | None:
+    def descend(self, table: _Table, key_names: list[tuple[str, tuple[int, int]]], start: int, end: int) -> _Table | None:
         """Return the table that a dotted key selects. Missing tables are created.
 
         For an array of tables, return the last table of the array.
         """
-        for name, place in parts:
+        for name, key_range in key_names:
             entry = table.entries.get(name)
             if isinstance(entry, _Array) and entry.items:
                 entry.end = max(entry.end, end)
                 entry = entry.items[-1]
             if entry is None:
                 entry = _Table(start, end)
-                table.entries[name], table.keys[name] = entry, place
+                table.entries[name], table.keys[name] = entry, key_range
             else:
-                table.again.append((name, place))
+                table.again.append((name, key_range))
             if not isinstance(entry, _Table):
-                self.twice(table, name, place)
+                self.is_duplicate(table, name, key_range)
                 return None
             entry.end = max(entry.end, end)
             table = entry
@@ -219,11 +219,11 @@ class _Joiner:
     def __init__(self, source: Source, report: Report) -> None:
         self.source = source
         self.report = report
-        self.before = len(report.diagnostics)
+        self.faults_before = len(report.diagnostics)
 
     def fault(self, code: Code, message: str, span: Span, help: Hint | None = None) -> None:
         """Report an error, unless the maximum number of errors has already been reported."""
-        if len(self.report.diagnostics) - self.before < MAX_FAULTS:
+        if len(self.report.diagnostics) - self.faults_before < MAX_FAULTS:
             self.report.add(code, message, span, help=help)
 
     def table(self, table: _Table, values: dict[str, Any], level: int) -> MappingNode:
@@ -253,14 +253,14 @@ class _Joiner:
     def scalar(self, item: _Item, value: Any) -> ScalarNode:
         text = self.source.text[item.start : item.end]
         span = self.source.span(item.start, item.end)
-        known: Scalar
+        scalar: Scalar
         damaged = False
         if isinstance(value, (datetime.date, datetime.time)):
             message = f"expected a string or a number, found the date or time `{shorten(text)}`"
             self.fault(Code.DATE, message, span, f'for a string, write `"{shorten(text)}"`')
-            known, damaged = text, True
+            scalar, damaged = text, True
         elif isinstance(value, str):
-            known = text = value
+            scalar = text = value
         elif isinstance(value, (int, float)):
             try:
                 finite = isinstance(value, bool) or float(value) - float(value) == 0.0
@@ -268,10 +268,10 @@ class _Joiner:
                 finite = False
             if not finite:
                 self.fault(Code.NOT_FINITE, f"expected a finite number, found `{shorten(text)}`", span)
-            known, damaged = value if finite else 0, not finite
+            scalar, damaged = value if finite else 0, not finite
         else:
-            known = None
-        return ScalarNode(value=known, text=text, span=span, damaged=damaged)
+            scalar = None
+        return ScalarNode(value=scalar, text=text, span=span, damaged=damaged)
 
 
 def _too_large(source: Source, syntax: TomlSyntax, report: Report) -> bool:
@@ -279,45 +279,45 @@ def _too_large(source: Source, syntax: TomlSyntax, report: Report) -> bool:
 
     The check uses a loop instead of recursion, so that deep nesting does not exceed Python's recursion limit.
     """
-    waiting = [(syntax.root, 0)]
+    remaining = [(syntax.root, 0)]
     values = 0
-    while waiting:
-        node, level = waiting.pop()
+    while remaining:
+        node, level = remaining.pop()
         values += 1
         level += node.type in ("array", "inline_table", "dotted_key", "ERROR")
         many = values > 2 * MAX_NODES  # nodes of a pair: statement, key, words, value; of a table: statement, header, words
         if many or level > MAX_LEVELS:
-            what = f"{MAX_NODES} values in one document" if many else f"{MAX_LEVELS} levels of nesting"
+            limit = f"{MAX_NODES} values in one document" if many else f"{MAX_LEVELS} levels of nesting"
             start = syntax.range(node)[0]
-            report.add(Code.TOO_LARGE, f"more than {what}", source.span(start, start + 1))
+            report.add(Code.TOO_LARGE, f"more than {limit}", source.span(start, start + 1))
             return True
-        waiting.extend((child, level) for child in reversed(node.named_children))
+        remaining.extend((child, level) for child in reversed(node.named_children))
     return False
 
 
-_PLACE = re.compile(r"\s*\(at (?:line (\d+), column (\d+)|end of document)\)$")
-_TWICE = ("overwrite", "twice", "mutate", "Duplicate", "namespace")
+_POSITION = re.compile(r"\s*\(at (?:line (\d+), column (\d+)|end of document)\)$")
+_DUPLICATE_KEY_WORDS = ("overwrite", "twice", "mutate", "Duplicate", "namespace")
 
 
 def _report_error(error: Exception, source: Source, syntax: TomlSyntax, report: Report) -> None:
     """Report a syntax error from tomllib, with its position in the document and a hint about the syntax that the user probably intended."""
     if isinstance(error, RecursionError):
-        start = _bracket_beyond(source.text)
+        start = _first_excess_bracket(source.text)
         report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", source.span(start, start + 1))
         return
-    match = _PLACE.search(str(error))
-    words = str(error)[: match.start()] if match else str(error)
+    match = _POSITION.search(str(error))
+    message_text = str(error)[: match.start()] if match else str(error)
     index = len(source.text.rstrip())
     if match and match.group(1):
         index = min(source.starts[int(match.group(1)) - 1] + int(match.group(2)) - 1, len(source.text))
-    if any(word in words for word in _TWICE):
+    if any(word in message_text for word in _DUPLICATE_KEY_WORDS):
         before = len(report.diagnostics)
         _Statements(source, syntax, report).read()
         if len(report.diagnostics) > before:
             return
-    bare = _find_unquoted(source, index) if words.startswith(("Invalid value", "Expected newline", "Unclosed")) else None
-    if bare is not None:
-        start, end, key = bare
+    unquoted = _find_unquoted(source, index) if message_text.startswith(("Invalid value", "Expected newline", "Unclosed")) else None
+    if unquoted is not None:
+        start, end, key = unquoted
         text = source.text[start:end]
         quoted = f'{key} = "{text}"' if key else f'"{text}"'
         report.add(
@@ -325,30 +325,24 @@ def _report_error(error: Exception, source: Source, syntax: TomlSyntax, report: 
             help=f"strings and quantities need quotes: `{shorten(quoted)}`",
         )
         return
-    message, help = _in_words(words)
+    message, help = _translate_message(message_text)
     end = index + 1 if index < len(source.text) and source.text[index] not in "\r\n" else index
     report.add(Code.SYNTAX, message, source.span(index, end), help=help)
 
 
-def _bracket_beyond(text: str) -> int:
-    """Return the first position in a malformed document at which nested brackets exceed the maximum depth.
-
-    Brackets inside strings also count.
-    """
+def _first_excess_bracket(text: str) -> int:
+    """Return the index of the first bracket that exceeds the maximum nesting depth. Brackets inside strings also count."""
     level = 0
-    for at, character in enumerate(text):
+    for index, character in enumerate(text):
         level += character in "[{"
         level -= character in "]}"
         if level > MAX_LEVELS:
-            return at
+            return index
     return 0
 
 
 def _find_unquoted(source: Source, index: int) -> tuple[int, int, str] | None:
-    """Find an unquoted string or quantity at or before `index`. Return its range, and the key of the value ("" in a list).
-
-    Return None if no unquoted value is found.
-    """
+    """Find an unquoted string or quantity at or before `index`. Return its start, its end and its key ("" in a list), or None."""
     number = source.line_at(min(index, max(0, len(source.text) - 1)))
     line, begin = source.line(number), source.starts[number]
     start = max(line.rfind(mark, 0, max(0, index - begin)) for mark in "=[,{") + 1
@@ -359,22 +353,22 @@ def _find_unquoted(source: Source, index: int) -> tuple[int, int, str] | None:
     return begin + match.start(1), begin + match.end(1), key.group(1) if key else ""
 
 
-def _in_words(words: str) -> tuple[str, str | None]:
-    """Replace an error message of tomllib by a message and a hint in the words of thingc."""
-    if words.startswith("Expected '=' after a key"):
+def _translate_message(message: str) -> tuple[str, str | None]:
+    """Convert an error message of tomllib to a message and a hint of thingc."""
+    if message.startswith("Expected '=' after a key"):
         return "expected `=` after the key", "write `key = value`"
-    if words == "Invalid value":
+    if message == "Invalid value":
         return "expected a value", "strings and quantities need quotes"
-    if words.startswith("Expected newline or end of document"):
+    if message.startswith("Expected newline or end of document"):
         return "expected the end of the line", "write one `key = value` per line"
-    if words.startswith("Expected ']'"):
+    if message.startswith("Expected ']'"):
         return "the `[` of this table is not closed", "add `]`"
-    if "Unterminated string" in words or "Illegal character '\\n'" in words:
+    if "Unterminated string" in message or "Illegal character '\\n'" in message:
         return "the string is not closed", 'add the closing `"`'
-    if "Unclosed array" in words:
+    if "Unclosed array" in message:
         return "a list is not closed", "add `]`, or `,` between the items"
-    if "Unclosed inline table" in words:
+    if "Unclosed inline table" in message:
         return "an inline table is not closed", "add `}`, or `,` between the entries; an inline table must be on one line"
-    if "integer string conversion" in words:
+    if "integer string conversion" in message:
         return "a whole number with too many digits", None
-    return f"not well-formed TOML: {words[:1].lower()}{words[1:]}", None
+    return f"not well-formed TOML: {message[:1].lower()}{message[1:]}", None

@@ -36,7 +36,7 @@ def explain(source: Source, *, problem: str, at: int, context: str, began: int) 
     `context` describes the construct that the parser was reading, and `began` is the start index of this construct.
     """
     text = source.text
-    tab = _tab_before(source, at)
+    tab = _find_tab(source, at)
     if tab is not None:
         return SyntaxFault(
             message="found a tab in the indentation; YAML requires spaces", start=tab, end=tab + 1,
@@ -60,9 +60,9 @@ def explain(source: Source, *, problem: str, at: int, context: str, began: int) 
             message="an unknown escape in double quotes", start=at, end=at + 1,
             help="write `\\\\` for a backslash, or use single quotes",
         )
-    missing = _missing_space(source, at)
-    if missing is not None:
-        key, value, start = missing
+    unspaced = _find_missing_space(source, at)
+    if unspaced is not None:
+        key, value, start = unspaced
         return SyntaxFault(
             message=f"a space is missing after `{key}:`", start=start, end=start + len(key) + 1 + len(value),
             help=f"write `{shorten(f'{key}: {value}')}`",
@@ -70,11 +70,11 @@ def explain(source: Source, *, problem: str, at: int, context: str, began: int) 
     if text[at : at + 1] == ":" and text[:at].rstrip(" ")[-1:] in ("", "\n", "\r", "{", ","):
         return SyntaxFault(message="a key is missing before the `:`", start=at, end=at + 1)
     if "flow mapping" in context or "flow sequence" in context or "flow node" in context:
-        return _in_flow(source, at, began, "flow mapping" in context)
-    return _in_value(source, problem, at, began) or _by_layout(source, problem, context, at, began)
+        return _explain_flow(source, at, began, "flow mapping" in context)
+    return _explain_value(source, problem, at, began) or _explain_layout(source, problem, context, at, began)
 
 
-def _in_value(source: Source, problem: str, at: int, began: int) -> SyntaxFault | None:
+def _explain_value(source: Source, problem: str, at: int, began: int) -> SyntaxFault | None:
     """Explain an error in an unquoted key or value, such as a second `:` or a character that is not allowed.
 
     Return None for other errors.
@@ -87,10 +87,10 @@ def _in_value(source: Source, problem: str, at: int, began: int) -> SyntaxFault 
         )
     if "could not find expected ':'" in problem:
         line = source.line_at(began)
-        written = source.line(line).strip()
+        line_text = source.line(line).strip()
         start = source.starts[line] + len(source.line(line)) - len(source.line(line).lstrip())
         return SyntaxFault(
-            message=f"expected `key: value`, found `{shorten(written)}`", start=start, end=start + max(1, len(written)),
+            message=f"expected `key: value`, found `{shorten(line_text)}`", start=start, end=start + max(1, len(line_text)),
             help="write `: ` after a key",
         )
     if "cannot start any token" in problem:
@@ -104,8 +104,8 @@ def _in_value(source: Source, problem: str, at: int, began: int) -> SyntaxFault 
     return None
 
 
-def _by_layout(source: Source, problem: str, context: str, at: int, began: int) -> SyntaxFault:
-    """Explain an error of indentation, or any error that the other functions do not explain."""
+def _explain_layout(source: Source, problem: str, context: str, at: int, began: int) -> SyntaxFault:
+    """Explain an indentation error. For any error that no function explains, return the message of the parser."""
     at = min(at, max(0, len(source.text) - 1))
     end = at + max(1, len(re.match(r"[^\s:,{}\[\]]*", source.text[at:]).group()))  # type: ignore[union-attr]
     if "sequence entries are not allowed" in problem:
@@ -113,20 +113,20 @@ def _by_layout(source: Source, problem: str, context: str, at: int, began: int) 
             message="a list item `-` is not allowed here", start=at, end=at + 1, help="start the list on the line after its key",
         )
     if "block mapping" in context or "expected key" in problem:
-        above = _deeper_above(source, at)
-        if above is not None:
-            place, columns = above
+        deeper = _deeper_line_above(source, at)
+        if deeper is not None:
+            line_start, columns = deeper
             return SyntaxFault(
                 message="this line does not continue the mapping above it", start=at, end=end,
                 help=f"keys of a mapping must start in the same column, here {' or '.join(map(str, columns))}",
-                note=(f"the line above it starts in column {columns[0]}", place),
+                note=(f"the line above it starts in column {columns[0]}", line_start),
             )
-        shallow = _shallow_above(source, at)
-        if shallow is not None:
+        line_above = _shallower_line_above(source, at)
+        if line_above is not None:
             return SyntaxFault(
                 message="this line is indented further than the line above it, which already has a value", start=at, end=end,
                 help="keys of a mapping must start in the same column: indent this line and the line above it equally",
-                note=("the line above it starts here", shallow),
+                note=("the line above it starts here", line_above),
             )
         return SyntaxFault(
             message="this line does not continue the mapping above it", start=at, end=end,
@@ -150,34 +150,32 @@ def _by_layout(source: Source, problem: str, context: str, at: int, began: int) 
     return SyntaxFault(message=f"not well-formed YAML: {problem}", start=at, end=end)
 
 
-def _deeper_above(source: Source, at: int) -> tuple[int, list[int]] | None:
-    """Return the start of the line above a wrongly indented line, and the columns (from 1) of the enclosing mappings.
+def _deeper_line_above(source: Source, at: int) -> tuple[int, list[int]] | None:
+    """Return the start of the line above a wrongly indented line, and the columns (from 1) in which the wrong line could begin.
 
-    The wrong line should probably begin at one of these columns.
-
-    Return None if the wrong line is not indented less than the line above.
+    The columns are those of the enclosing mappings. Return None if the wrong line is not indented less than the line above.
     """
-    own = at - source.starts[source.line_at(at)]
-    place: int | None = None
+    indentation = at - source.starts[source.line_at(at)]
+    above_start: int | None = None
     columns: list[int] = []
     for start, indent, _ in _lines_above(source, at):
         if columns and indent + 1 >= columns[-1]:
             continue
-        if place is None:
-            if indent <= own:
+        if above_start is None:
+            if indent <= indentation:
                 return None
-            place = start
+            above_start = start
         columns.append(indent + 1)
-        if indent < own:
+        if indent < indentation:
             break
-    return None if place is None else (place, columns)
+    return None if above_start is None else (above_start, columns)
 
 
-def _shallow_above(source: Source, at: int) -> int | None:
-    """Return the start of the line above the line at `at`, if the line above is less indented and contains both a key and its value."""
-    own = at - source.starts[source.line_at(at)]
-    start, indent, written = next(_lines_above(source, at), (0, own, ""))
-    return start if indent < own and re.match(r"\s*[\w.$*-]+: +[^\s#]", written) else None
+def _shallower_line_above(source: Source, at: int) -> int | None:
+    """Return the start of the line above the line at `at` if it is indented less and contains a key and a value. Otherwise, return None."""
+    indentation = at - source.starts[source.line_at(at)]
+    start, indent, line = next(_lines_above(source, at), (0, indentation, ""))
+    return start if indent < indentation and re.match(r"\s*[\w.$*-]+: +[^\s#]", line) else None
 
 
 def _lines_above(source: Source, at: int) -> Iterator[tuple[int, int, str]]:
@@ -190,20 +188,20 @@ def _lines_above(source: Source, at: int) -> Iterator[tuple[int, int, str]]:
     if source.line(number)[: at - source.starts[number]].strip():
         return
     for above in range(number - 1, -1, -1):
-        written = source.line(above)
-        indent = len(written) - len(written.lstrip())
-        if written.strip() and not written.lstrip().startswith("#"):
-            yield source.starts[above] + indent, indent, written
+        line = source.line(above)
+        indent = len(line) - len(line.lstrip())
+        if line.strip() and not line.lstrip().startswith("#"):
+            yield source.starts[above] + indent, indent, line
 
 
-def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
+def _explain_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
     """Explain a missing `,` or a missing closing bracket in a value that begins with `{` or `[`."""
     opened, closing = ("{", "}") if mapping else ("[", "]")
     if source.text[began : began + 1] not in "{[":
         began = max(source.text.rfind("{", 0, at), source.text.rfind("[", 0, at), 0)
         opened = source.text[began : began + 1]
         closing = "}" if opened == "{" else "]"
-    rest = source.text[at : at + 1]
+    character = source.text[at : at + 1]
     line = source.line(source.line_at(began))
     comment = re.search(r"(?<=[\s])#\w+", line[began - source.starts[source.line_at(began)] :])
     if comment is not None and source.line_at(at) != source.line_at(began):
@@ -212,38 +210,38 @@ def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
             message=f"a `#` after a space starts a comment, so the `{opened}` of this line is not closed",
             start=start, end=start + len(comment.group()), help=f'write `"{comment.group()}"`',
         )
-    if at >= len(source.text.rstrip()) or source.line_at(at) != source.line_at(began) or rest in "}]":
+    if at >= len(source.text.rstrip()) or source.line_at(at) != source.line_at(began) or character in "}]":
         return SyntaxFault(
             message=f"the `{opened}` opened here is not closed with `{closing}`", start=began, end=began + 1,
             help=f"add `{closing}`", note=("found this text instead", min(at, max(0, len(source.text) - 1))),
         )
-    before = source.text[max(began, at - _LONGEST_KEY) : at]
-    key = re.search(r"[{\[,]\s*([\w.$*-]+) +$", before) if rest in "{[" else None
-    second = re.search(r":.*\s([\w.$*-]+)$", before) if rest == ":" else None
+    preceding = source.text[max(began, at - _LONGEST_KEY) : at]
+    key = re.search(r"[{\[,]\s*([\w.$*-]+) +$", preceding) if character in "{[" else None
+    second_key = re.search(r":.*\s([\w.$*-]+)$", preceding) if character == ":" else None
     help = "a string with `,`, `:` or quotes in it must be quoted"
-    if second is not None:
-        help = f"separate entries by `,`: add one before `{second[1]}`"
+    if second_key is not None:
+        help = f"separate entries by `,`: add one before `{second_key[1]}`"
     if key is not None:
-        help = f"write `: ` after a key: `{key[1]}: {rest}`"
+        help = f"write `: ` after a key: `{key[1]}: {character}`"
     return SyntaxFault(
-        message=f"expected `,` or `{closing}`, found `{rest}`", start=at, end=at + 1, help=help,
+        message=f"expected `,` or `{closing}`, found `{character}`", start=at, end=at + 1, help=help,
         note=(f"inside the `{opened}` opened here", began),
     )
 
 
-def _tab_before(source: Source, at: int) -> int | None:
+def _find_tab(source: Source, at: int) -> int | None:
     """Return the index of a tab in the indentation of the line with the error, or of the preceding line."""
     line = source.line_at(min(at, len(source.text)))
     for number in (line, line - 1):
         if number >= 0:
-            written = source.line(number)
-            indentation = written[: len(written) - len(written.lstrip())]
+            line_text = source.line(number)
+            indentation = line_text[: len(line_text) - len(line_text.lstrip())]
             if "\t" in indentation:
                 return source.starts[number] + indentation.index("\t")
     return None
 
 
-def _missing_space(source: Source, at: int) -> tuple[str, str, int] | None:
+def _find_missing_space(source: Source, at: int) -> tuple[str, str, int] | None:
     """Find a `key:value` without a space after the colon, on the line of the error or on the two lines above.
 
     Return the key, the value and their position.

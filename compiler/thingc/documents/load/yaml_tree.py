@@ -32,7 +32,7 @@ def read_yaml(source: Source, report: Report) -> Node | None:
 
     loader = getattr(yaml, "CLoader", yaml.Loader)
     try:
-        return _Builder(source, report, yaml.parse(source.text, Loader=loader)).whole()
+        return _Builder(source, report, yaml.parse(source.text, Loader=loader)).document()
     except _Stop:
         return None
     except yaml.YAMLError as error:
@@ -43,14 +43,14 @@ def read_yaml(source: Source, report: Report) -> Node | None:
 def report_syntax(error: Any, source: Source, report: Report) -> None:
     """Report a YAML syntax error, with its position and a hint about the probable intention."""
     problem, context = getattr(error, "problem_mark", None), getattr(error, "context_mark", None)
-    at = min(problem.index if problem is not None else 0, len(source.text))
+    position = min(problem.index if problem is not None else 0, len(source.text))
     # libyaml has a limit of 1 000 levels, which is larger than MAX_LEVELS. But libyaml reads ahead, so it may raise its own error first.
     if "nesting depth" in str(getattr(error, "problem", "")):
-        report.add(Code.TOO_LARGE, f"the document has more than {MAX_LEVELS} levels of nesting", source.span(at, at + 1))
+        report.add(Code.TOO_LARGE, f"the document has more than {MAX_LEVELS} levels of nesting", source.span(position, position + 1))
         return
     fault = explain(
-        source, problem=str(getattr(error, "problem", None) or error), at=at, context=str(getattr(error, "context", None) or ""),
-        began=min(context.index, len(source.text)) if context is not None else at,
+        source, problem=str(getattr(error, "problem", None) or error), at=position, context=str(getattr(error, "context", None) or ""),
+        began=min(context.index, len(source.text)) if context is not None else position,
     )
     notes = () if fault.note is None else (Note(message=fault.note[0], span=source.span(fault.note[1], fault.note[1] + 1)),)
     report.add(Code.SYNTAX, fault.message, source.span(fault.start, fault.end), help=fault.help, notes=notes)
@@ -72,7 +72,8 @@ class _Anchored:
 class _Builder:
     """Builds the tree of a YAML document from parser events, in one pass.
 
-    `nodes` counts the nodes of the tree with all aliases expanded.
+    `nodes` is the number of nodes read so far, with all aliases expanded, and `from_aliases` the number of these from aliases. `deepest` is
+    the largest depth of the value that is being read.
     """
 
     def __init__(self, source: Source, report: Report, events: Any) -> None:
@@ -80,12 +81,12 @@ class _Builder:
         self.report = report
         self.events = events
         self.anchors: dict[str, _Anchored] = {}
-        self.before = len(report.diagnostics)
+        self.faults_before = len(report.diagnostics)
         self.nodes = 0
         self.from_aliases = 0
         self.deepest = 0
 
-    def whole(self) -> Node | None:
+    def document(self) -> Node | None:
         root: Node | None = None
         for event in self.events:
             kind = type(event).__name__
@@ -115,9 +116,9 @@ class _Builder:
         self.check_limits(event, level)
         if event.tag is not None:
             start = event.start_mark.index
-            shown = self.source.text[start : event.end_mark.index].split(None, 1)[0] if kind == "ScalarEvent" else event.tag
+            tag = self.source.text[start : event.end_mark.index].split(None, 1)[0] if kind == "ScalarEvent" else event.tag
             self.report.add(
-                Code.TAG, f"tags such as `{shorten(shown)}` are not supported", self.source.span(start, start + max(1, len(shown))),
+                Code.TAG, f"tags such as `{shorten(tag)}` are not supported", self.source.span(start, start + max(1, len(tag))),
                 help="remove the tag",
             )
         anchored = _Anchored() if event.anchor is not None else None
@@ -139,7 +140,7 @@ class _Builder:
             message = f"the document has more than {MAX_LEVELS} levels of nesting"
         elif self.nodes > MAX_NODES:
             message = f"the document has more than {MAX_NODES} values"
-        elif len(self.report.diagnostics) - self.before > MAX_FAULTS:
+        elif len(self.report.diagnostics) - self.faults_before > MAX_FAULTS:
             message = f"the document has more than {MAX_FAULTS} errors; the rest of the document was not read"
         else:
             return
@@ -181,7 +182,7 @@ class _Builder:
         plain = not event.style
         start, end = event.start_mark.index, event.end_mark.index
         if event.anchor is not None or event.tag is not None:
-            start = self.after_properties(start, end)
+            start = self.skip_properties(start, end)
         if not plain and event.style in "|>":
             end = start + len(self.source.text[start:end].rstrip())
         span = self.source.span(start, end)
@@ -195,7 +196,7 @@ class _Builder:
                 value, damaged = 0, True
         return ScalarNode(value=value, text=text, span=span, damaged=damaged)
 
-    def after_properties(self, start: int, end: int) -> int:
+    def skip_properties(self, start: int, end: int) -> int:
         """Return the index of the first character of a scalar after its `&anchor` and `!tag`."""
         text = self.source.text
         while start < end and text[start] in "&!":
@@ -208,19 +209,19 @@ class _Builder:
     def sequence(self, event: Any, level: int) -> SequenceNode:
         items: list[Node] = []
         start, end = event.start_mark.index, event.end_mark.index
-        following = next(self.events)
-        while type(following).__name__ != "SequenceEndEvent":
-            if event.flow_style and _cut(following):
-                pieces = [following]
-                while _open(pieces) and type(following := next(self.events)).__name__ == "ScalarEvent":
-                    pieces.append(following)
+        next_event = next(self.events)
+        while type(next_event).__name__ != "SequenceEndEvent":
+            if event.flow_style and _is_cut_expression(next_event):
+                pieces = [next_event]
+                while _has_open_parenthesis(pieces) and type(next_event := next(self.events)).__name__ == "ScalarEvent":
+                    pieces.append(next_event)
                 items.append(self.rejoin(pieces))
-                if following not in pieces:
+                if next_event not in pieces:
                     continue
             else:
-                items.append(self.node(following, level + 1))
-            following = next(self.events)
-        span = self.collection_span(start, end, following, bool(event.flow_style))
+                items.append(self.node(next_event, level + 1))
+            next_event = next(self.events)
+        span = self.collection_span(start, end, next_event, bool(event.flow_style))
         return SequenceNode(items=tuple(items), span=span)
 
     def mapping(self, event: Any, level: int) -> MappingNode:
@@ -228,37 +229,37 @@ class _Builder:
         keys: dict[str, Span] = {}
         damaged = False
         start, end = event.start_mark.index, event.end_mark.index
-        following = next(self.events)
-        behind: list[tuple[Any, Any]] = []
-        while behind or type(following).__name__ != "MappingEndEvent":
-            if behind:
-                first, value = behind.pop(0)
-                key = self.key(first, level)
+        next_event = next(self.events)
+        bare_keys: list[tuple[Any, Any]] = []
+        while bare_keys or type(next_event).__name__ != "MappingEndEvent":
+            if bare_keys:
+                key_event, value = bare_keys.pop(0)
+                key = self.key(key_event, level)
             else:
-                key = self.key(following, level)
-                value, following = next(self.events), None
+                key = self.key(next_event, level)
+                value, next_event = next(self.events), None
             node: Node
-            if event.flow_style and _cut(value):
-                node, following = self.rejoined_entries(value)
+            if event.flow_style and _is_cut_expression(value):
+                node, next_event = self.rejoined_entries(value)
             else:
                 node = self.node(value, level + 1)
             damaged = damaged or key is None
-            if not behind and following is None:
-                following = next(self.events)
-                if event.flow_style and _is_value(value) and _is_value(following):
-                    behind, following = self.numbers(following)
-                    if len(behind) == 2 and following is not None:
-                        node, behind = self.vector(value, [piece for piece, _ in behind]), []
+            if not bare_keys and next_event is None:
+                next_event = next(self.events)
+                if event.flow_style and _is_value(value) and _is_value(next_event):
+                    bare_keys, next_event = self.bare_keys(next_event)
+                    if len(bare_keys) == 2 and next_event is not None:
+                        node, bare_keys = self.vector(value, [piece for piece, _ in bare_keys]), []
             if key is not None:
-                name, place = key
+                name, key_span = key
                 if name in entries:
                     self.report.add(
-                        Code.DUPLICATE_KEY, f"the key `{shorten(name)}` is written twice", place,
+                        Code.DUPLICATE_KEY, f"the key `{shorten(name)}` is written twice", key_span,
                         notes=[Note(message="first defined here", span=keys[name])], help="remove or rename one of the two keys",
                     )
                 else:
-                    entries[name], keys[name] = node, place
-        span = self.collection_span(start, end, following, bool(event.flow_style))
+                    entries[name], keys[name] = node, key_span
+        span = self.collection_span(start, end, next_event, bool(event.flow_style))
         return MappingNode(entries=entries, keys=keys, span=span, damaged=damaged)
 
     def collection_span(self, start: int, end: int, last: Any, flow: bool) -> Span:
@@ -271,13 +272,13 @@ class _Builder:
         # libyaml ends a block collection at the start of the next token: exclude comments and blank lines before that token
         while end > start:
             line = self.source.line_at(end - 1)
-            begin = max(self.source.starts[line], start)
-            written = text[begin:end].strip()
-            if written and not (written.startswith("#") and begin != start):
-                end = begin + len(text[begin:end].rstrip())
+            line_start = max(self.source.starts[line], start)
+            line_text = text[line_start:end].strip()
+            if line_text and not (line_text.startswith("#") and line_start != start):
+                end = line_start + len(text[line_start:end].rstrip())
                 break
-            end = begin
-            if begin == start:
+            end = line_start
+            if line_start == start:
                 break
         return self.source.span(start, max(start, end))
 
@@ -286,10 +287,10 @@ class _Builder:
         kind = type(event).__name__
         if kind == "AliasEvent":
             if event.anchor not in self.anchors:
-                shown = self.source.text[event.start_mark.index :].partition(":")[0].strip()
+                key_text = self.source.text[event.start_mark.index :].partition(":")[0].strip()
                 self.report.add(
                     Code.ALIAS, f"`*{event.anchor}` refers to an unknown anchor", self.span(event),
-                    help=f'a key that starts with `*` needs quotes: `"{shorten(shown)}"`',
+                    help=f'a key that starts with `*` needs quotes: `"{shorten(key_text)}"`',
                 )
             else:
                 self.report.add(Code.KEY_NOT_TEXT, f"a key must not be an alias, found `*{event.anchor}`", self.span(event))
@@ -319,9 +320,9 @@ class _Builder:
         if node.text == "":
             self.report.add(Code.KEY_NOT_TEXT, "a key is missing before the `:`", self.source.span(start, start))
             return None
-        what = "the number" if not isinstance(node.value, (bool, type(None))) else "the word"
+        value_kind = "the number" if not isinstance(node.value, (bool, type(None))) else "the word"
         self.report.add(
-            Code.KEY_NOT_TEXT, f"a key must be a string, found {what} `{shorten(node.text)}`", node.span,
+            Code.KEY_NOT_TEXT, f"a key must be a string, found {value_kind} `{shorten(node.text)}`", node.span,
             help=f'write `"{shorten(node.text)}"`',
         )
         return None
@@ -329,31 +330,31 @@ class _Builder:
     # An unquoted comma inside `{length: =min(a, 80 mm)}` ends the value: the rest becomes keys without values, or further items of a list.
     # Report one error, and join the pieces to the intended value.
 
-    def numbers(self, following: Any) -> tuple[list[tuple[Any, Any]], Any]:
+    def bare_keys(self, event: Any) -> tuple[list[tuple[Any, Any]], Any]:
         """Read up to two keys without values, which are the other elements of a vector without brackets.
 
-        Return these keys and the next event. `following` is the first parser event to read. If the last key has a value, the returned event
-        is None.
+        `event` is the first parser event to examine. Return pairs (key event, value event) and the next event. If the last key has a value,
+        the returned event is None.
         """
         pairs: list[tuple[Any, Any]] = []
-        while len(pairs) < 2 and _is_value(following):
+        while len(pairs) < 2 and _is_value(event):
             value = next(self.events)
-            pairs.append((following, value))
+            pairs.append((event, value))
             if type(value).__name__ != "ScalarEvent" or value.value or value.style:
                 return pairs, None
-            following = next(self.events)
-        return pairs, following
+            event = next(self.events)
+        return pairs, event
 
-    def vector(self, first: Any, more: list[Any]) -> ScalarNode:
+    def vector(self, first: Any, others: list[Any]) -> ScalarNode:
         """Return the vector that a user probably meant by three values without brackets, as in `{xyz: 0, 0, 4 mm}`."""
-        start, end = first.start_mark.index, more[-1].end_mark.index
-        span, text = self.source.span(start, end), " ".join(piece.value for piece in (first, *more))
-        written = self.source.text[start:end]
-        shared = all(scan_number(piece.value) == (piece.value, len(piece.value)) for piece in (first, more[0]))
-        whole = text if shared else f"[{written}]"  # a unit at the end applies to all three values
+        start, end = first.start_mark.index, others[-1].end_mark.index
+        span, text = self.source.span(start, end), " ".join(piece.value for piece in (first, *others))
+        original = self.source.text[start:end]
+        unit_at_end = all(scan_number(piece.value) == (piece.value, len(piece.value)) for piece in (first, others[0]))
+        corrected = text if unit_at_end else f"[{original}]"  # a unit at the end applies to all three values
         self.report.add(
             Code.EXPRESSION_COMMA, "the comma ends the value: write a vector in `[]`, or separate its values by spaces", span,
-            help=Suggestion(f"write `{shorten(whole)}`", (written, whole) if "\n" not in written else None),
+            help=Suggestion(f"write `{shorten(corrected)}`", (original, corrected) if "\n" not in original else None),
         )
         return ScalarNode(value=text, text=text, span=span, damaged=True)
 
@@ -363,25 +364,25 @@ class _Builder:
         Return the expression and the next event.
         """
         pieces = [first]
-        following = next(self.events)
-        while _open(pieces) and type(following).__name__ == "ScalarEvent":
+        next_event = next(self.events)
+        while _has_open_parenthesis(pieces) and type(next_event).__name__ == "ScalarEvent":
             value = next(self.events)
-            pieces.append(following)
+            pieces.append(next_event)
             if type(value).__name__ != "ScalarEvent" or value.value or value.style:
-                self.say_cut(pieces)
+                self.report_comma(pieces)
                 raise _Stop
-            following = next(self.events)
-        return self.rejoin(pieces), following
+            next_event = next(self.events)
+        return self.rejoin(pieces), next_event
 
     def rejoin(self, pieces: list[Any]) -> ScalarNode:
         if len(pieces) > 1:
-            self.say_cut(pieces)
+            self.report_comma(pieces)
         start, end = pieces[0].start_mark.index, pieces[-1].end_mark.index
         text = " ".join(self.source.text[start:end].split())
         self.nodes += 1
         return ScalarNode(value=text, text=text, span=self.source.span(start, end))
 
-    def say_cut(self, pieces: list[Any]) -> None:
+    def report_comma(self, pieces: list[Any]) -> None:
         start, end = pieces[0].start_mark.index, pieces[-1].end_mark.index
         text = " ".join(self.source.text[start:end].split())
         quoted = f"'{text}'" if '"' in text else f'"{text}"'
@@ -392,9 +393,9 @@ class _Builder:
         )
 
 
-def _cut(event: Any) -> bool:
+def _is_cut_expression(event: Any) -> bool:
     """Return whether a parser event is an unquoted scalar that contains an expression with unclosed parentheses."""
-    return type(event).__name__ == "ScalarEvent" and not event.style and event.value.startswith("=") and _open([event])
+    return type(event).__name__ == "ScalarEvent" and not event.style and event.value.startswith("=") and _has_open_parenthesis([event])
 
 
 def _is_value(event: Any) -> bool:
@@ -404,32 +405,29 @@ def _is_value(event: Any) -> bool:
     return event.value.startswith("=") or scan_number(event.value) is not None
 
 
-def _open(pieces: list[Any]) -> bool:
+def _has_open_parenthesis(pieces: list[Any]) -> bool:
     return bool(sum(piece.value.count("(") - piece.value.count(")") for piece in pieces) > 0)
 
 
 def is_flow(text: str) -> bool:
-    """Return whether a string is a mapping or a list in YAML's flow style, well-formed or not.
-
-    `[draft] arm` is neither a mapping nor a list.
-    """
+    """Return whether a string looks like a mapping or a list in YAML's flow style. The string need not be well-formed."""
     return text.startswith("{") or text.startswith("[") and text.endswith("]")
 
 
 def read_flow(text: str, place: Span) -> Node | Diagnostic:
-    """Parse a one-line mapping or list that replaces a value of a document (`{on: floor}`).
+    """Parse a one-line mapping or list in flow style, such as `{on: floor}`, to a tree. All nodes of the tree have the span `place`.
 
-    If the text is invalid, return a diagnostic instead. `place` is the position of all nodes in the resulting tree.
+    If the text is invalid, return a diagnostic instead.
     """
     report = Report()
     tree = read_yaml(Source("", text), report)
-    return report.diagnostics[0] if tree is None or report.failed else _at(tree, place)
+    return report.diagnostics[0] if tree is None or report.failed else _with_span(tree, place)
 
 
-def _at(node: Node, place: Span) -> Node:
+def _with_span(node: Node, place: Span) -> Node:
     if isinstance(node, MappingNode):
-        entries = {key: _at(one, place) for key, one in node.entries.items()}
+        entries = {key: _with_span(child, place) for key, child in node.entries.items()}
         return replace(node, entries=entries, keys=dict.fromkeys(entries, place), span=place)
     if isinstance(node, SequenceNode):
-        return replace(node, items=tuple(_at(one, place) for one in node.items), span=place)
+        return replace(node, items=tuple(_with_span(child, place) for child in node.items), span=place)
     return replace(node, span=place)

@@ -21,7 +21,7 @@ EXPRESSION = RefersTo("expression")
 
 
 class NameOccurrence(FrozenStruct):
-    """A string that declares a name or refers to a name: the key at `path`, or the scalar at `path` if `key` is False."""
+    """A string that declares a name or refers to a name: the key at `path` if `key` is True, otherwise the scalar at `path`."""
 
     path: Path
     key: bool
@@ -30,10 +30,10 @@ class NameOccurrence(FrozenStruct):
 
 
 class SettingWord(FrozenStruct):
-    """A name in the path of a setting (`components.leg.joints.knee.limit.upper`). `offset` is the index of the name in the path.
+    """A name in the path of a setting: `leg` or `knee` in `components.leg.joints.knee.limit.upper`.
 
-    `through` contains the nested components that lead to a document, and `path` is the path of a key in this document that would refer to
-    the same element.
+    `offset` is the start index of the name in this path. `through` contains the nested components that lead to the document of the element
+    (`leg` for `knee`). `path` is the path of the element in that document.
     """
 
     offset: int
@@ -42,7 +42,7 @@ class SettingWord(FrozenStruct):
     names: DeclaresName | RefersTo
 
 
-def mentions_of(document: Document) -> Iterator[NameOccurrence]:
+def find_occurrences(document: Document) -> Iterator[NameOccurrence]:
     """Yield all strings in a document that declare names or refer to names, in source order.
 
     Values that do not belong to the document model are skipped.
@@ -55,15 +55,15 @@ def mentions_of(document: Document) -> Iterator[NameOccurrence]:
 def _find_in(node: Node, shape: FieldType, path: Path) -> Iterator[NameOccurrence]:
     if isinstance(node, ScalarNode):
         if isinstance(node.value, str):
-            names = _of_text(node.value, shape)
+            names = _names_in_text(node.value, shape)
             if names is not None:
                 yield NameOccurrence(path=path, key=False, text=node.value, names=names)
     elif isinstance(node, SequenceNode):
-        listed = next((one for one in alternatives(shape) if one.kind == "list"), None)
-        inner = shape if listed is None else shape_of(listed.members[0])  # a vector is one field, and contains expressions
+        list_branch = next((alternative for alternative in alternatives(shape) if alternative.kind == "list"), None)
+        inner = shape if list_branch is None else shape_of(list_branch.members[0])  # a vector is one field, and contains expressions
         for index, item in enumerate(node.items):
             yield from _find_in(item, inner, (*path, index))
-    elif RefersTo("raw") in {one.names for one in alternatives(shape)}:
+    elif RefersTo("raw") in {alternative.names for alternative in alternatives(shape)}:
         yield from _in_raw(node, path)
     else:
         branch = branch_of(shape, node.entries)
@@ -80,36 +80,31 @@ def _find_in(node: Node, shape: FieldType, path: Path) -> Iterator[NameOccurrenc
                 yield from _find_in(value, inner, (*path, key))
 
 
-def _of_text(text: str, shape: FieldType) -> DeclaresName | RefersTo | None:
+def _names_in_text(text: str, shape: FieldType) -> DeclaresName | RefersTo | None:
     branches = alternatives(shape)
-    if text.lstrip().startswith("=") and any(one.kind == "field" for one in branches):
+    if text.lstrip().startswith("=") and any(branch.kind == "field" for branch in branches):
         return EXPRESSION
-    if any(text in one.choices for one in branches):
+    if any(text in branch.choices for branch in branches):
         return None
-    return next((one.names for one in branches if one.names is not None), None)
+    return next((branch.names for branch in branches if branch.names is not None), None)
 
 
 def _in_raw(node: MappingNode, path: Path) -> Iterator[NameOccurrence]:
-    """Yield the names of elements in `raw` (`raw: {mjcf: {joint: {NAME: ...}}}`).
-
-    For elements under `add`, only values that refer to a name are yielded. For elements under `order`, all names are yielded.
-    """
-    for kind, named in node.entries.items():
+    """Yield the strings in `raw` that refer to elements: keys (`raw: {mjcf: {joint: {NAME: ...}}}`), and values under `add` and `order`."""
+    for kind, elements in node.entries.items():
         if kind in ("add", "order"):
-            for place, value in walk(named, (*path, kind)):
-                if isinstance(value, ScalarNode) and isinstance(value.value, str) and (kind == "order" or referenced_element(place)):
-                    yield NameOccurrence(path=place, key=False, text=value.value, names=RefersTo("raw"))
+            for value_path, value in walk(elements, (*path, kind)):
+                if isinstance(value, ScalarNode) and isinstance(value.value, str) and (kind == "order" or referenced_element(value_path)):
+                    yield NameOccurrence(path=value_path, key=False, text=value.value, names=RefersTo("raw"))
             continue
-        for name in entries_of(named):
+        for name in entries_of(elements):
             yield NameOccurrence(path=(*path, kind, name), key=True, text=name, names=RefersTo("raw"))
 
 
 def referenced_element(path: Path) -> str | None:
-    """Return the type of MuJoCo element to which an attribute of an added element refers.
+    """Return the type of the MuJoCo element that is named by the attribute at `path`, inside an element under `raw: {mjcf: {add: ...}}`.
 
-    The type is a joint, a site, a body, or any element (`object`).
-
-    Return None if the attribute does not refer to an element.
+    The type is `joint`, `site`, `body`, or `object` for any element. Return None if the attribute does not name an element.
     """
     key = str(path[-1]).rstrip("12")
     if key in ("objname", "refname"):
@@ -133,18 +128,18 @@ def setting_words(text: str) -> Iterator[SettingWord]:
         inner = split_nested(rest)
         words = rest.split(".") if inner is None else ["components", inner[0]]
         shape: FieldType | None = shape_of(AssemblySpec)
-        at = offset
+        position = offset
         for depth, word in enumerate(words):
             branches = alternatives(shape) if shape is not None else ()
-            models = (model_keys(one.model) for one in branches if one.model is not None)
+            models = (model_keys(branch.model) for branch in branches if branch.model is not None)
             model = next((keys for keys in models if word in keys), None)
-            named = next((one for one in branches if one.kind == "dict"), None)
-            names = shape_of(named.key).names if model is None and named is not None else None
+            named_entries = next((branch for branch in branches if branch.kind == "dict"), None)
+            names = shape_of(named_entries.key).names if model is None and named_entries is not None else None
             if names is not None:
-                yield SettingWord(offset=at, through=tuple(through), path=tuple(words[: depth + 1]), names=names)
-            shape = model[word][0] if model is not None else shape_of(named.members[0]) if named is not None else None
-            at += len(word) + 1
-        offset, rest = at, None
+                yield SettingWord(offset=position, through=tuple(through), path=tuple(words[: depth + 1]), names=names)
+            shape = model[word][0] if model is not None else shape_of(named_entries.members[0]) if named_entries is not None else None
+            position += len(word) + 1
+        offset, rest = position, None
         if inner is not None:
             through.append(inner[0])
             rest = inner[1]
@@ -172,12 +167,12 @@ def pattern_of(text: str, index: str) -> re.Pattern[str]:
 
 
 class DocumentNames:
-    """A parsed document, with the lines of its text and all strings that declare names or refer to names."""
+    """A parsed document, with the lines of its text, and with all `occurrences`: strings that declare names or refer to names."""
 
     def __init__(self, document: Document) -> None:
         self.document, self.path = document, document.path
         self.lines = re.split(r"\r\n|\r|\n", document.text)
-        self.mentions = tuple(mentions_of(document))
+        self.occurrences = tuple(find_occurrences(document))
 
     def section(self, name: str) -> Mapping[str, Node]:
         """Return the entries of a section of the document, such as `joints`. Return an empty mapping if the section does not exist."""
@@ -193,7 +188,7 @@ class DocumentNames:
         node = node_at(self.document.tree, (section, key, "repeat"))
         return node.entries if isinstance(node, MappingNode) else None
 
-    def index_of(self, path: Path) -> str:
+    def repeat_index(self, path: Path) -> str:
         """Return the name of the index of the `repeat` that encloses a path of the document. The default name is `i`.
 
         Return an empty string outside a repeat.
@@ -202,7 +197,7 @@ class DocumentNames:
             return ""
         return self.text(path[0], path[1], "repeat", "as") or "i"
 
-    def items(self, section: str, key: str) -> list[str]:
+    def item_names(self, section: str, key: str) -> list[str]:
         """Return the names that an entry of `components` or `joints` creates.
 
         An entry with `repeat` creates the names of all items. Other entries create only the name that is their key.
@@ -212,10 +207,13 @@ class DocumentNames:
             return [key]
         count = repeat.get("count")
         number = count.value if isinstance(count, ScalarNode) and isinstance(count.value, int) else _ITEMS
-        return [f"{key}_{one}" for one in range(min(number, 10 * _ITEMS))]
+        return [f"{key}_{item}" for item in range(min(number, 10 * _ITEMS))]
 
-    def fitting(self, section: str, word: str, index: str = "") -> list[str]:
-        """Return the keys of the section `components` or `joints` that match `word`, which is one word of a reference or a pattern."""
+    def matching_keys(self, section: str, word: str, index: str = "") -> list[str]:
+        """Return the keys of the section `components` or `joints` that match `word`, a word of a reference, which may be a pattern.
+
+        `index` is the name of the repeat index that the word may contain (`hip_$i`).
+        """
         entries = self.section(section)
         if not SPECIAL.search(word):
             stem, _, number = word.rpartition("_")
@@ -223,18 +221,18 @@ class DocumentNames:
                 return [word]
             return [stem] if number.isdigit() and stem in entries and self.repeat(section, stem) is not None else []
         pattern = pattern_of(word, index)
-        return [key for key in entries if any(pattern.match(item) for item in self.items(section, key))]
+        return [key for key in entries if any(pattern.match(item) for item in self.item_names(section, key))]
 
-    def stem(self, section: str, key: str, word: str) -> bool:
-        """Return whether a word of a reference starts with the text of `key`. A pattern can also refer to the key without this text."""
+    def starts_with_key(self, section: str, key: str, word: str) -> bool:
+        """Return whether a word of a reference begins with `key`, so that only this part must change if the key is renamed."""
         rest = word[len(key):]
         return word.startswith(key) and (not rest or rest[0] in "*?[$" or (rest[0] == "_" and self.repeat(section, key) is not None))
 
-    def around(self, mention: NameOccurrence) -> Span:
+    def span_of(self, occurrence: NameOccurrence) -> Span:
         """Return the span of the key or the scalar in the document that contains a name."""
-        return self.document.span(mention.path, key=mention.key)
+        return self.document.span(occurrence.path, key=occurrence.key)
 
-    def place(self, span: Span, text: str, start: int, end: int) -> Span | None:
+    def narrow_span(self, span: Span, text: str, start: int, end: int) -> Span | None:
         """Return the span of the characters from `start` to `end` in the string at `span`. Return None if the string contains escapes."""
         if span.file != self.path or span.line != span.end_line:
             return None

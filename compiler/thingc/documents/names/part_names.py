@@ -29,7 +29,7 @@ class Name(FrozenStruct, kw_only=False):
     this file to which the name belongs (`components.leg`), or the reference `module:Class` if the file is unknown.
     """
 
-    what: str
+    kind: str
     file: str
     text: str
     owner: str = ""
@@ -55,19 +55,19 @@ class _Module:
         self.tree = parse_python(text)
         self.classes = {one.name: one for one in self.tree.body if isinstance(one, ast.ClassDef)}
         self.imports: dict[str, str] = {}
-        self._inside: dict[str, _Inside] = {}
+        self._self_attributes: dict[str, _SelfAttributes] = {}
         for statement in self.tree.body:
             if isinstance(statement, ast.ImportFrom):
-                inside = f"{self.dotted}.__init__" if self.file.endswith("__init__.py") else self.dotted
-                package = inside.split(".")[: -statement.level] if statement.level else []
+                dotted_module = f"{self.dotted}.__init__" if self.file.endswith("__init__.py") else self.dotted
+                package = dotted_module.split(".")[: -statement.level] if statement.level else []
                 source = ".".join([*package, *([statement.module] if statement.module else [])])
                 self.imports.update({one.asname or one.name: f"{source}:{one.name}" for one in statement.names})
 
-    def inside(self, node: ast.ClassDef) -> _Inside:
+    def self_attributes(self, node: ast.ClassDef) -> _SelfAttributes:
         """Return the attributes of `self` that a class of the module assigns or uses."""
-        if node.name not in self._inside:
-            self._inside[node.name] = _Inside(node)
-        return self._inside[node.name]
+        if node.name not in self._self_attributes:
+            self._self_attributes[node.name] = _SelfAttributes(node)
+        return self._self_attributes[node.name]
 
     def span(self, line: int, end: int, text: str) -> Span | None:
         """Return the span of the word `text`, which ends at the byte offset `end` of a line.
@@ -84,37 +84,40 @@ class _Module:
         return self.span(node.end_lineno or 0, node.end_col_offset or 0, text)
 
 
-class _Inside:
+class _SelfAttributes:
     """The attributes of `self` that the methods of a Python class assign or use.
 
-    `assigned` maps each assigned attribute to True if its value creates mounts. `by_name` maps each attribute to all locations in the
-    class, with assignments first.
+    `assigned` maps the name of each assigned attribute to whether the assigned value creates mounts. `by_name` maps the name of each
+    attribute to its syntax nodes, with assignments first. `nodes` contains all syntax nodes of the class.
     """
 
     def __init__(self, node: ast.ClassDef) -> None:
         self.nodes = list(ast.walk(node))
         self.assigned: dict[str, bool] = {}
         self.by_name: dict[str, list[ast.Attribute]] = {}
-        for one in self.nodes:
-            if isinstance(one, (ast.Assign, ast.AnnAssign)) and one.value is not None:
-                mounts = any(isinstance(inner, ast.Name) and inner.id == "MountPoint" for inner in ast.walk(one.value))
-                for target in one.targets if isinstance(one, ast.Assign) else [one.target]:
+        for statement in self.nodes:
+            if isinstance(statement, (ast.Assign, ast.AnnAssign)) and statement.value is not None:
+                mounts = any(isinstance(inner, ast.Name) and inner.id == "MountPoint" for inner in ast.walk(statement.value))
+                for target in statement.targets if isinstance(statement, ast.Assign) else [statement.target]:
                     for inner in ast.walk(target):
                         if isinstance(inner, ast.Attribute) and isinstance(inner.ctx, ast.Store) and _of_self(inner):
                             self.assigned[inner.attr] = mounts or self.assigned.get(inner.attr, False)
-            elif isinstance(one, ast.Attribute) and _of_self(one):
-                self.by_name.setdefault(one.attr, []).append(one)
+            elif isinstance(statement, ast.Attribute) and _of_self(statement):
+                self.by_name.setdefault(statement.attr, []).append(statement)
         for places in self.by_name.values():
-            places.sort(key=lambda one: (not isinstance(one.ctx, ast.Store), one.lineno, one.col_offset))
+            places.sort(key=lambda statement: (not isinstance(statement.ctx, ast.Store), statement.lineno, statement.col_offset))
 
 
 @dataclass(slots=True)
 class PartClass:
-    """A class that documents use as a part, and its base classes in the workspace."""
+    """A class that documents use as a part.
+
+    `lineage` contains the class and its base classes in the workspace. `requested` collects the names that the methods return.
+    """
 
     reference: str
     lineage: list[tuple[_Module, ast.ClassDef]]
-    given: dict[Name, None]
+    requested: dict[Name, None]
 
     @property
     def file(self) -> str:
@@ -129,26 +132,24 @@ class PartClass:
         return None if header is None else module.span(node.lineno, len(module.lines[node.lineno - 1][: header.end()].encode()), node.name)
 
     def mounts(self, text: str, pattern: re.Pattern[str] | None) -> list[Name]:
-        """Return the attributes that can contain the mount `text`.
+        """Return the attribute that can contain the mount `text`: an attribute with this name, or a list of mounts (`screw` for `screw_0`).
 
-        The result contains an attribute with this name, and lists or dicts of mounts (`screw` for `screw_0`).
-
-        With a `pattern`, all attributes that match the pattern are returned, and `text` is the part of the pattern before its first special
+        With a `pattern`, return all attributes that match the pattern. `text` is then the part of the pattern before its first special
         character.
         """
         owners: dict[str, tuple[_Module, ast.ClassDef]] = {}
         several: set[str] = set()
         for module, node in self.lineage:
-            for attribute, mounts in module.inside(node).assigned.items():
+            for attribute, mounts in module.self_attributes(node).assigned.items():
                 owners.setdefault(attribute, (module, node))
                 if mounts:  # the content of other attributes is unknown
                     several.add(attribute)
-        fitting = [name for name in owners if pattern is not None and pattern.match(name)]
-        whole = [name for name in owners if (name == text and pattern is None) or (name in several and text.startswith(f"{name}_"))]
-        chosen = fitting or ([max(whole, key=len)] if whole else [])
+        matching = [name for name in owners if pattern is not None and pattern.match(name)]
+        exact = [name for name in owners if (name == text and pattern is None) or (name in several and text.startswith(f"{name}_"))]
+        chosen = matching or ([max(exact, key=len)] if exact else [])
         if not chosen and pattern is None:
             return [self._missing_name("part mount", text)]
-        return [self._give(Name("part mount", owners[name][0].file, name, owners[name][1].name)) for name in chosen]
+        return [self._record(Name("part mount", owners[name][0].file, name, owners[name][1].name)) for name in chosen]
 
     def parameter(self, text: str) -> Name:
         """Return the parameter `text` with the class that declares the parameter.
@@ -159,22 +160,22 @@ class PartClass:
             method = _init_of(node)
             if method is not None:
                 if any(one.arg == text for one in _arguments(method)):
-                    return self._give(Name("part parameter", module.file, text, node.name))
+                    return self._record(Name("part parameter", module.file, text, node.name))
                 break
         return self._missing_name("part parameter", text)
 
-    def _missing_name(self, what: str, text: str) -> Name:
-        return Name(what, "", text, self.reference)
+    def _missing_name(self, kind: str, text: str) -> Name:
+        return Name(kind, "", text, self.reference)
 
-    def _give(self, name: Name) -> Name:
-        self.given[name] = None
+    def _record(self, name: Name) -> Name:
+        self.requested[name] = None
         return name
 
 
 class PartNames:
-    """The Python modules in the part folders, given by absolute paths.
+    """The Python modules in the part folders `folders`, which are absolute paths.
 
-    `read` is a function that returns the text of a file, or None. Parsed modules are cached.
+    `read` is a function that returns the text of a file, or None if the file cannot be read. Parsed modules are cached.
     """
 
     def __init__(self, folders: Sequence[str], read: Callable[[str], str | None]) -> None:
@@ -182,21 +183,21 @@ class PartNames:
         self._read = read
         self._modules: dict[str, _Module | None] = {}
         self._things: dict[str, PartClass | None] = {}
-        self._given: dict[Name, None] = {}
+        self._requested: dict[Name, None] = {}
 
     def thing(self, reference: str) -> PartClass | None:
         """Return the class with the reference `module:Class`, or None if its module is not in a part folder."""
         if reference not in self._things:
             lineage = self._lineage(reference, [])
-            self._things[reference] = PartClass(reference, lineage, self._given) if lineage else None
+            self._things[reference] = PartClass(reference, lineage, self._requested) if lineage else None
         return self._things[reference]
 
     def places(self) -> Iterator[NamePlace]:
-        """Yield the locations of all mounts and parameters that callers have requested.
+        """Yield the locations of the mounts and parameters that `PartClass.mounts` and `PartClass.parameter` have returned.
 
-        The locations are in the class that declares the name and in requested derived classes.
+        For a mount, locations in derived classes are included.
         """
-        for name in self._given:
+        for name in self._requested:
             declared = False
             for module, node in self._family(name):
                 for span in _name_spans(module, node, name):
@@ -208,41 +209,36 @@ class PartNames:
         yield from ((reference, thing) for reference, thing in self._things.items() if thing is not None)
 
     def find_in_code(self, name: Name) -> tuple[str, int] | None:
-        """Return the location (file and line) of other code in which the name of a mount or parameter occurs.
+        """Return the file and line of code that may use a mount or parameter, but that a rename would not edit. Return None if none exists.
 
-        Return None if no other code contains the name.
-
-        Only running this code could show whether it uses the mount or parameter.
+        Whether the code uses the mount or parameter, or only the same name, is not known without running the code.
         """
         family = {(module.file, node.name) for module, node in self._family(name)}
-        own = {(span.file, span.line, span.column) for module, node in self._family(name) for span in _name_spans(module, node, name)}
-        for module in self._all():
+        known = {(span.file, span.line, span.column) for module, node in self._family(name) for span in _name_spans(module, node, name)}
+        for module in self._all_modules():
             for node in ast.walk(module.tree):
-                if _may_be(node, name, {one for _, one in family}):
+                if _may_refer_to(node, name, {one for _, one in family}):
                     span = module.span_of(node, name.text) if isinstance(node, ast.Attribute) else None
-                    if span is None or (span.file, span.line, span.column) not in own:
-                        inside = _class_around(module, node)
-                        other = isinstance(node, ast.Attribute) and (_of_self(node) or _parameter_of_self(node)) and inside is not None
-                        if not other or (module.file, inside) in family:
+                    if span is None or (span.file, span.line, span.column) not in known:
+                        class_name = _enclosing_class(module, node)
+                        of_self = isinstance(node, ast.Attribute) and (_of_self(node) or _parameter_of_self(node))
+                        if not of_self or class_name is None or (module.file, class_name) in family:
                             return module.file, getattr(node, "lineno", 1)
         return None
 
     def attributes(self, name: Name) -> frozenset[str]:
-        """Return the names that are not available as a new name of a mount or parameter.
-
-        The attributes of its class are not available for a mount, and the parameters of its class are not available for a parameter.
-        """
-        taken: set[str] = set()
+        """Return the names to which a mount or parameter cannot be renamed, because its class already uses them."""
+        unavailable: set[str] = set()
         for module, node in self._family(name):
-            if name.what == "part mount":
-                taken |= {*module.inside(node).by_name, *(one.name for one in node.body if isinstance(one, ast.FunctionDef))}
+            if name.kind == "part mount":
+                unavailable |= {*module.self_attributes(node).by_name, *(one.name for one in node.body if isinstance(one, ast.FunctionDef))}
             elif (method := _init_of(node)) is not None:
-                taken |= {one.id for one in ast.walk(method) if isinstance(one, ast.Name)} | {one.arg for one in _arguments(method)}
-        return frozenset(taken)
+                unavailable |= {one.id for one in ast.walk(method) if isinstance(one, ast.Name)} | {one.arg for one in _arguments(method)}
+        return frozenset(unavailable)
 
     def files(self) -> list[str]:
         """Return the absolute paths of all Python modules in the part folders."""
-        return [module.file for module in self._all()]
+        return [module.file for module in self._all_modules()]
 
     def _family(self, name: Name) -> list[tuple[_Module, ast.ClassDef]]:
         """Return the class that declares the mount or parameter `name`.
@@ -250,27 +246,27 @@ class PartNames:
         For a mount, also return all derived classes in the part folders.
         """
         family: dict[tuple[str, str], tuple[_Module, ast.ClassDef]] = {}
-        for module in self._all() if name.what == "part mount" else ():
+        for module in self._all_modules() if name.kind == "part mount" else ():
             for node in module.classes.values():
                 lineage = self._lineage(f"{module.dotted}:{node.name}", [])
-                if any((one.file, inner.name) == (name.file, name.owner) for one, inner in lineage):
+                if any((base_module.file, inner.name) == (name.file, name.owner) for base_module, inner in lineage):
                     family[module.file, node.name] = module, node
-        for known in self._modules.values():
-            if known is not None and known.file == name.file and name.owner in known.classes:
-                family = {(known.file, name.owner): (known, known.classes[name.owner]), **family}
+        for candidate in self._modules.values():
+            if candidate is not None and candidate.file == name.file and name.owner in candidate.classes:
+                family = {(candidate.file, name.owner): (candidate, candidate.classes[name.owner]), **family}
         return list(family.values())
 
-    def _all(self) -> Iterator[_Module]:
+    def _all_modules(self) -> Iterator[_Module]:
         """Yield all modules in the part folders."""
         for folder in self.folders:
-            for place, folders, files in os.walk(folder):
+            for path, folders, files in os.walk(folder):
                 folders[:] = sorted(one for one in folders if one.isidentifier())
-                inner = os.path.relpath(place, folder).replace(os.sep, ".")
+                inner = os.path.relpath(path, folder).replace(os.sep, ".")
                 for file in sorted(files):
                     stem, suffix = os.path.splitext(file)
                     if suffix == ".py" and stem.isidentifier():
-                        words = [*([] if inner == "." else [inner]), *([] if stem == "__init__" else [stem])]
-                        module = self._module(".".join(words))
+                        dotted_names = [*([] if inner == "." else [inner]), *([] if stem == "__init__" else [stem])]
+                        module = self._module(".".join(dotted_names))
                         if module is not None:
                             yield module
 
@@ -328,9 +324,9 @@ def _of_self(node: ast.Attribute) -> bool:
 
 def _name_spans(module: _Module, node: ast.ClassDef, name: Name) -> Iterator[Span]:
     """Yield the locations at which a class declares or uses a mount or a parameter, with the declaration first."""
-    if name.what == "part mount":
-        own = module.inside(node).by_name.get(name.text, ())
-        yield from (span for one in own if (span := module.span_of(one, name.text)) is not None)
+    if name.kind == "part mount":
+        attributes = module.self_attributes(node).by_name.get(name.text, ())
+        yield from (span for inner in attributes if (span := module.span_of(inner, name.text)) is not None)
         return
     method = _init_of(node)
     if method is None:
@@ -340,11 +336,10 @@ def _name_spans(module: _Module, node: ast.ClassDef, name: Name) -> Iterator[Spa
             end = argument.col_offset + len(name.text.encode())
             if (span := module.span(argument.lineno, end, name.text)) is not None:
                 yield span
-    used: list[ast.expr] = [one for one in ast.walk(method) if isinstance(one, ast.Name) and one.id == name.text]
-    used += [
-        one for one in module.inside(node).nodes if isinstance(one, ast.Attribute) and one.attr == name.text and _parameter_of_self(one)
-    ]
-    yield from (span for one in used if (span := module.span_of(one, name.text)) is not None)
+    used: list[ast.expr] = [inner for inner in ast.walk(method) if isinstance(inner, ast.Name) and inner.id == name.text]
+    inside = (inner for inner in module.self_attributes(node).nodes if isinstance(inner, ast.Attribute) and inner.attr == name.text)
+    used += [inner for inner in inside if _parameter_of_self(inner)]
+    yield from (span for inner in used if (span := module.span_of(inner, name.text)) is not None)
     yield from _find_in_docstring(module, node, name.text)
     yield from _find_in_docstring(module, method, name.text)
 
@@ -356,32 +351,35 @@ def _parameter_of_self(node: ast.Attribute) -> bool:
 
 def _find_in_docstring(module: _Module, node: ast.ClassDef | ast.FunctionDef, text: str) -> Iterator[Span]:
     """Yield the location of a parameter's name in the docstring of its class, in a line `NAME: ...`."""
-    first = node.body[0]
-    if not (isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant) and isinstance(first.value.value, str)):
+    docstring = node.body[0]
+    if not (isinstance(docstring, ast.Expr) and isinstance(docstring.value, ast.Constant) and isinstance(docstring.value.value, str)):
         return
-    for line in range(first.lineno, (first.end_lineno or first.lineno) + 1):
+    for line in range(docstring.lineno, (docstring.end_lineno or docstring.lineno) + 1):
         if (line_of_text := re.match(rf"\s+({text})(?: \(.*\))?:", module.lines[line - 1])) is not None:
             span = module.span(line, len(module.lines[line - 1][: line_of_text.end(1)].encode()), text)
             if span is not None:
                 yield span
 
 
-def _may_be(node: ast.AST, name: Name, family: set[str]) -> bool:
-    """Return whether a syntax node may refer to a mount or parameter. Only the text of the name is compared."""
+def _may_refer_to(node: ast.AST, name: Name, family: set[str]) -> bool:
+    """Return whether a syntax node contains the text of a mount or parameter at a place where it may be used.
+
+    `family` contains the names of the classes that have the mount or parameter.
+    """
     if isinstance(node, ast.Constant):
         return node.value == name.text
-    if name.what == "part mount":
+    if name.kind == "part mount":
         return isinstance(node, ast.Attribute) and node.attr == name.text
     if isinstance(node, ast.Attribute):
         return node.attr == name.text and isinstance(node.value, ast.Attribute) and node.value.attr == "p"
     if isinstance(node, ast.Call):
         called = node.func.attr if isinstance(node.func, ast.Attribute) else node.func.id if isinstance(node.func, ast.Name) else ""
-        words = {(one.arg or "").partition("__")[0] for one in node.keywords}
-        return name.text in words and (called in family or called in ("adjust", "__init__", "partial", "replace"))
+        keywords = {(keyword.arg or "").partition("__")[0] for keyword in node.keywords}
+        return name.text in keywords and (called in family or called in ("adjust", "__init__", "partial", "replace"))
     return False
 
 
-def _class_around(module: _Module, node: ast.AST) -> str | None:
+def _enclosing_class(module: _Module, node: ast.AST) -> str | None:
     """Return the name of the top-level class that contains a syntax node, or None."""
     line = getattr(node, "lineno", 0)
     return next((one.name for one in module.classes.values() if one.lineno <= line <= (one.end_lineno or 0)), None)

@@ -34,12 +34,12 @@ class NameIndex(FrozenStruct, kw_only=False):
 
         The cursor can also be directly after the name. If several names contain the position, return the shortest name.
         """
-        around = [
+        candidates = [
             place for place in self.places
             if place.span.file == file and (place.span.line, place.span.column) <= (line, column)
             <= (place.span.end_line, place.span.end_column)
         ]
-        return min(around, key=lambda place: (place.role == "fits", place.span.end_column - place.span.column), default=None)
+        return min(candidates, key=lambda place: (place.role == "fits", place.span.end_column - place.span.column), default=None)
 
     def find_declaration(self, name: Name) -> Span | None:
         """Return the location at which a name is declared, or None if the declaration is unknown."""
@@ -48,18 +48,19 @@ class NameIndex(FrozenStruct, kw_only=False):
 
 def _index_names(documents: Mapping[str, DocumentNames], parts: PartNames) -> NameIndex:
     """Build the index of all names in the documents of a workspace and in their part modules. `documents` is keyed by absolute path."""
-    seen: dict[tuple[Name, Span], NamePlace] = {}
-    for written in documents.values():
-        for place in NameReader(documents, parts, written).places():
-            known = seen.get((place.name, place.span))
-            if known is None or known.role != "declared":
-                seen[place.name, place.span] = place
-    seen.update(((place.name, place.span), place) for place in parts.places())
+    found: dict[tuple[Name, Span], NamePlace] = {}
+    for document in documents.values():
+        for place in NameReader(documents, parts, document).places():
+            previous = found.get((place.name, place.span))
+            if previous is None or previous.role != "declared":
+                found[place.name, place.span] = place
+    found.update(((place.name, place.span), place) for place in parts.places())
     for reference, thing in parts.classes():
         if thing.span is not None:
             name = Name("part", thing.file, reference.partition(":")[2])
-            seen[name, thing.span] = NamePlace(name, thing.span, "declared")
-    places = tuple(sorted(seen.values(), key=lambda one: (one.span.file, one.span.line, one.span.column, one.name.what, one.name.text)))
+            found[name, thing.span] = NamePlace(name, thing.span, "declared")
+    by_span = sorted(found.values(), key=lambda place: (place.span.file, place.span.line, place.span.column, place.name.kind, place.name.text))
+    places = tuple(by_span)
     by_name: dict[Name, list[NamePlace]] = {}
     for place in places:
         by_name.setdefault(place.name, []).append(place)
@@ -86,15 +87,15 @@ class WorkspaceIndex(FrozenStruct):
             return texts[path] if path in texts else self.read(path)
 
         documents = {
-            path: written if path not in texts else read_document(path, written.document.relative, texts[path])
-            for path, written in self.documents.items()
+            path: document if path not in texts else read_document(path, document.document.relative, texts[path])
+            for path, document in self.documents.items()
         }
         return _build_index({path: one for path, one in documents.items() if one is not None}, {
             **self.broken, **{path: texts[path] for path, one in documents.items() if one is None},
         }, read, self.relative, self.folders)
 
 
-def on_disk(path: str) -> str | None:
+def read_from_disk(path: str) -> str | None:
     """Return the text of a file with unchanged line ends."""
     try:
         with open(path, encoding="utf-8-sig", newline="") as stream:
@@ -105,9 +106,9 @@ def on_disk(path: str) -> str | None:
 
 def index_workspace(
     workspace: Workspace, texts: Mapping[str, str], last: Iterable[Document] = (), only: Iterable[str] | None = None, *,
-    disk: Callable[[str], str | None] = on_disk,
+    disk: Callable[[str], str | None] = read_from_disk,
 ) -> WorkspaceIndex:
-    """Build the index of names for all documents of a workspace, or for the documents in `only` (absolute paths).
+    """Build the index of names for all documents of a workspace, or only for the documents at the absolute paths `only`.
 
     `texts` maps absolute paths to the contents of files that are open in an editor. `last` contains previous versions of documents, which
     are used for documents that cannot be parsed now. The function `disk` reads all other files.
@@ -117,14 +118,14 @@ def index_workspace(
 
     documents: dict[str, DocumentNames] = {}
     broken: dict[str, str] = {}
-    known = {one.path: DocumentNames(one) for one in last}
-    for path in dict.fromkeys((*(documents_in(workspace.root, workspace) if only is None else only), *known)):
+    last_names = {one.path: DocumentNames(one) for one in last}
+    for path in dict.fromkeys((*(documents_in(workspace.root, workspace) if only is None else only), *last_names)):
         text = read(path)
-        written = read_document(path, workspace.relative(path), text) if text is not None else None
-        if written is None and text is not None:
-            broken[path], written = text, known.get(path)
-        if written is not None:
-            documents[path] = written
+        document = read_document(path, workspace.relative(path), text) if text is not None else None
+        if document is None and text is not None:
+            broken[path], document = text, last_names.get(path)
+        if document is not None:
+            documents[path] = document
     return _build_index(documents, broken, read, workspace.relative, tuple(workspace.parts))
 
 
@@ -153,6 +154,6 @@ def read_document(path: str, relative: str, text: str) -> DocumentNames | None:
     ))
 
 
-def mentions(text: str, word: str) -> bool:
-    """Return True if a text contains the name `word`, or this name with the index of a repeat. For example, `leg_0` contains `leg`."""
+def contains_word(text: str, word: str) -> bool:
+    """Return whether a text contains the name `word`, or an item of a repeat with this name (`leg_0` for `leg`)."""
     return re.search(rf"(?<![A-Za-z0-9_]){re.escape(word)}(?![A-Za-z0-9])", text, re.ASCII) is not None

@@ -57,34 +57,34 @@ def allow() -> Any:
 
 
 def allowances(spec: AssemblySpec, document: Document) -> Iterator[Allowance]:
-    """Yield the entries of all `allow` mappings of a document, which suppress warnings: in the document itself, its components, its joints
-    and its modes.
+    """Yield all entries of the key `allow` in a document: of the document itself, its components, its joints and its modes.
 
-    Warnings that a mode suppresses are also suppressed in modes that extend it.
+    An entry of a mode also suppresses the warning in all modes that extend this mode.
     """
-    yield from _lines(spec.allow, document, (), [()])
+    yield from _allowances_of(spec.allow, document, (), [()])
     for name, component in spec.components.items():
-        yield from _lines(component.allow, document, ("components", name))
+        yield from _allowances_of(component.allow, document, ("components", name))
     for name, joint in spec.joints.items():
-        yield from _lines(joint.allow, document, ("joints", name))
+        yield from _allowances_of(joint.allow, document, ("joints", name))
     extending: dict[str, list[str]] = {}
     for name, mode in spec.modes.items():
         if mode.extends is not None:
             extending.setdefault(mode.extends, []).append(name)
     for name, mode in spec.modes.items():
         if mode.allow:
-            yield from _lines(mode.allow, document, ("modes", name), [("modes", one) for one in _with_heirs(extending, name)])
+            covered: list[Path] = [("modes", extending_mode) for extending_mode in _with_extending_modes(extending, name)]
+            yield from _allowances_of(mode.allow, document, ("modes", name), covered)
 
 
-def _lines(written: Mapping[str, str], document: Document, path: Path, covered: list[Path] | None = None) -> Iterator[Allowance]:
+def _allowances_of(entries: Mapping[str, str], document: Document, path: Path, covered: list[Path] | None = None) -> Iterator[Allowance]:
     """Yield the entries of the mapping `allow` of the element at `path`.
 
     The entries suppress warnings at the paths `covered`, by default only at `path`.
     """
-    for code, reason in written.items():
+    for code, reason in entries.items():
         yield Allowance(
             code=_BY_CODE[code], reason=reason, where=document.span((*path, "allow", code), key=True), path=".".join(map(str, path)),
-            nodes=tuple(_location_of(document, one) for one in (covered or [path])),
+            nodes=tuple(_location_of(document, element_path) for element_path in (covered or [path])),
         )
 
 
@@ -94,13 +94,13 @@ def _location_of(document: Document, path: Path) -> tuple[Span, Node]:
     return (document.span(path, key=True) if path else node.span), node
 
 
-def _with_heirs(extending: Mapping[str, list[str]], name: str) -> list[str]:
+def _with_extending_modes(extending: Mapping[str, list[str]], name: str) -> list[str]:
     """Return a mode and all modes that extend it, directly or indirectly. `extending` maps a mode to the modes that extend it directly."""
     modes = {name: None}
-    waiting = [name]
-    while waiting:
-        for heir in extending.get(waiting.pop(), ()):
-            if heir not in modes:
-                modes[heir] = None
-                waiting.append(heir)
+    stack = [name]
+    while stack:
+        for extending_mode in extending.get(stack.pop(), ()):
+            if extending_mode not in modes:
+                modes[extending_mode] = None
+                stack.append(extending_mode)
     return list(modes)

@@ -44,26 +44,25 @@ class FieldType(FrozenStruct):
         return self.kind == "dict" and self.key is Index
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """A description of the valid values for messages."""
         if self.kind == "model":
             assert self.model is not None
             keys = model_keys(self.model)
-            own = [key for key in self.model.__annotations__ if key in keys]
-            named = [key for key, (_, required) in keys.items() if required] or list(dict.fromkeys([*own, *keys]))[:3]
-            return "a mapping with " + ", ".join(f"`{key}`" for key in named)
+            own_keys = [key for key in self.model.__annotations__ if key in keys]
+            names = [key for key, (_, required) in keys.items() if required] or list(dict.fromkeys([*own_keys, *keys]))[:3]
+            return "a mapping with " + ", ".join(f"`{key}`" for key in names)
         if self.kind == "literal":
             return one_of([format_choice(choice) for choice in self.choices])
         if self.kind == "field":
             assert self.field is not None
-            return self.field.words
+            return self.field.description
         if self.kind == "union":
             shapes = [shape_of(member) for member in self.members]
-            some = any(shape.kind == "model" for shape in shapes)
+            has_model = any(shape.kind == "model" for shape in shapes)
             numbered = any(shape.by_number for shape in shapes)  # there may be several values, in a list or by number
-            return " or ".join(
-                shape.words for shape in shapes if not (some and shape.kind == "dict" or numbered and shape.kind in ("list", "dict"))
-            )
+            omitted = {*(("dict",) if has_model else ()), *(("list", "dict") if numbered else ())}
+            return " or ".join(shape.description for shape in shapes if shape.kind not in omitted)
         number = "a whole number" if self.annotation is int else "a number"
         return {"dict": "a mapping", "list": "a list", "text": "a string", "flag": "a boolean", "number": number}[self.kind]
 
@@ -122,15 +121,15 @@ def branch_of(shape: FieldType, value: Any) -> FieldType | None:
     """
     branches = alternatives(shape)
     if isinstance(value, dict):
-        fitting = [branch for branch in branches if branch.kind in ("model", "dict")]
-        if any(branch.by_number for branch in fitting):
+        candidates = [branch for branch in branches if branch.kind in ("model", "dict")]
+        if any(branch.by_number for branch in candidates):
             numbered = bool(value) and all(key.isdigit() for key in value)
-            fitting = [branch for branch in fitting if branch.by_number == numbered] or fitting
-        return max(fitting, key=lambda branch: likeness(branch, value)) if fitting else None
+            candidates = [branch for branch in candidates if branch.by_number == numbered] or candidates
+        return max(candidates, key=lambda branch: likeness(branch, value)) if candidates else None
     if isinstance(value, list):
-        listed = next((branch for branch in branches if branch.kind == "list"), None)
-        mappings = listed is not None and any(branch.by_number for branch in branches) and shape_of(listed.members[0]).kind == "model"
-        if mappings and not any(isinstance(item, dict) for item in value):
+        sequence = next((branch for branch in branches if branch.kind == "list"), None)
+        of_models = sequence is not None and shape_of(sequence.members[0]).kind == "model"
+        if of_models and any(branch.by_number for branch in branches) and not any(isinstance(item, dict) for item in value):
             return None  # `limit: [-90 deg, 90 deg]` is not a list of limits
         return next((branch for branch in branches if branch.kind in ("list", "field")), None)
     if isinstance(value, str):
@@ -142,9 +141,9 @@ def branch_of(shape: FieldType, value: Any) -> FieldType | None:
 
 
 def likeness(branch: FieldType, value: dict[str, Any]) -> float:
-    """Return a score for how well a mapping matches a type: the number of keys of `value` that the type defines.
+    """Return a score of the similarity between a mapping and a type: the number of keys of `value` that the type defines.
 
-    A key that is only similar to a defined key adds 0.5. For a type that accepts arbitrary keys, the score is 0.25.
+    A key that is only similar to a defined key counts 0.5. For a type that accepts arbitrary keys, the score is 0.25.
     """
     if branch.model is None:
         return 0.25
@@ -152,9 +151,9 @@ def likeness(branch: FieldType, value: dict[str, Any]) -> float:
     return sum(1.0 if key in keys else 0.5 if nearest(key, keys) else 0.0 for key in value)
 
 
-def one_of(words: Sequence[str]) -> str:
-    """Format alternatives for a message: each word in backticks, with commas and a final "or" between the words."""
-    quoted = [f"`{word}`" for word in words]
+def one_of(names: Sequence[str]) -> str:
+    """Format alternatives for a message: "`a`, `b` or `c`"."""
+    quoted = [f"`{name}`" for name in names]
     return quoted[0] if len(quoted) == 1 else ", ".join(quoted[:-1]) + " or " + quoted[-1]
 
 

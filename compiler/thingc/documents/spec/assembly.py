@@ -84,35 +84,35 @@ from thingc.documents.spec.tendons import TendonSpec
 from thingc.documents.spec.tests import TestSpec
 from thingc.documents.spec.transmissions import TransmissionSpec
 
-_WORDS = "a string, a number, a boolean, a list of these, or a mapping"
+_RAW_TEXT = "a string, a number, a boolean, a list of these, or a mapping"
 
 
 def _raw(value: Any) -> Any:
     """Validate an attribute for a target: a scalar, a list of scalars, or a mapping of these."""
     wrong: list[PydanticCustomError] = []
-    kept = _sound_raw(value, (), wrong)
+    validated = _validate_raw(value, (), wrong)
     raise_all(wrong)
-    return kept
+    return validated
 
 
-def _sound_raw(value: Any, path: tuple[str | int, ...], wrong: list[PydanticCustomError]) -> Any:
+def _validate_raw(value: Any, path: tuple[str | int, ...], wrong: list[PydanticCustomError]) -> Any:
     if isinstance(value, dict):
-        return {key: _sound_raw(item, (*path, key), wrong) for key, item in value.items()}
+        return {key: _validate_raw(item, (*path, key), wrong) for key, item in value.items()}
     scalars = value if isinstance(value, list) else [value]
-    if isinstance(value, list) and any(isinstance(one, dict) for one in value):  # added elements
-        return [_sound_raw(one, (*path, number), wrong) for number, one in enumerate(value)]
-    if not all(one is None or isinstance(one, (str, int, float)) for one in scalars):  # null values are reported for every key
-        error = fault("type", f"expected {_WORDS}, found {describe(value)}")
+    if isinstance(value, list) and any(isinstance(entry, dict) for entry in value):  # added elements
+        return [_validate_raw(entry, (*path, number), wrong) for number, entry in enumerate(value)]
+    if not all(entry is None or isinstance(entry, (str, int, float)) for entry in scalars):  # null values are reported for every key
+        error = fault("type", f"expected {_RAW_TEXT}, found {describe(value)}")
         wrong.append(within(error, path) if path else error)
     return value
 
 
 _RAW_SCHEMA = {"description": "Attributes by path.", "examples": [{"joint": {"yaw": {"solreflimit": "0.01 1"}}}], **raw_schema(6)}
 
-RawField = Annotated[Union[str, int, float, bool, list[Any], dict[str, Any]], FieldValidator(_raw, _WORDS, _RAW_SCHEMA), RefersTo("raw")]
+RawField = Annotated[Union[str, int, float, bool, list[Any], dict[str, Any]], FieldValidator(_raw, _RAW_TEXT, _RAW_SCHEMA), RefersTo("raw")]
 
 
-UNIT_OF_ITS_OWN = "STEP, 3MF and glTF files specify their unit"
+FILE_SPECIFIES_UNIT = "STEP, 3MF and glTF files specify their unit"
 
 
 class ParameterSpec(Model):
@@ -227,7 +227,7 @@ class ComponentDefaults(Model):
 KINDS = ("part", "file", "assembly", "link", "frame")
 """Keys that determine the kind of a component. Each component must have exactly one of the keys."""
 
-OF_PARTS = ("collision", "visual", "process", "print")
+PART_KEYS = ("collision", "visual", "process", "print")
 """Keys that a component with `link` cannot have, because each shape of a link has its own settings."""
 
 
@@ -241,7 +241,7 @@ def _component_rules(schema: dict[str, Any]) -> None:
     } | {
         "unit": {"required": ["file"]}, "faces": {"required": ["file"]}, "shapes": {"required": ["link"]},
         "mode": {"required": ["assembly", "at"]},
-        **{key: {"not": {"required": ["link"]}} for key in OF_PARTS},
+        **{key: {"not": {"required": ["link"]}} for key in PART_KEYS},
         "keep": {"anyOf": [{"properties": {"keep": {"const": False}}}, {"required": ["attach"]}, {"required": ["at"]}]},
         "mirror": {"not": {"required": ["frame"]}},
     }
@@ -306,9 +306,9 @@ class ComponentSpec(ComponentDefaults):
             raise rule("a component needs one of `part`, `file`, `assembly`, `link: true` or `frame: true`",
                         "add `link: true` next to `shapes`" if self.shapes else "write, for example, `part: arm:BasePlate`")
         if len(kinds) > 1:
-            named = " and ".join(f"`{k}`" for k in kinds)
+            found = " and ".join(f"`{k}`" for k in kinds)
             raise rule(
-                f"a component must have exactly one of {', '.join(f'`{kind}`' for kind in KINDS)}, found {named}",
+                f"a component must have exactly one of {', '.join(f'`{kind}`' for kind in KINDS)}, found {found}",
                 "keep only one of these keys", kinds[1],
             )
         for key, kind, other, its in (("params", "part", "assembly", "parameters"), ("parameters", "assembly", "part", "params")):
@@ -317,10 +317,10 @@ class ComponentSpec(ComponentDefaults):
                 raise rule(f"`{key}` can only be used with `{kind}`", help, key)
         require_with(self, "unit", "file", "remove `unit`: only files without a unit need it")
         if self.unit is not None and self.file is not None and self.file.lower().endswith(SUFFIXES_WITH_UNIT):
-            raise rule(f"`{self.file}` specifies its unit: {UNIT_OF_ITS_OWN}", "remove `unit`", "unit")
+            raise rule(f"`{self.file}` specifies its unit: {FILE_SPECIFIES_UNIT}", "remove `unit`", "unit")
         require_with(self, "faces", "file", "remove `faces`, and set `mesh` in `thingc.toml` instead")
         require_with(self, "shapes", "link", "move `shapes` to a separate component with `link: true`")
-        for key in OF_PARTS:
+        for key in PART_KEYS:
             if self.link is not None and getattr(self, key) is not None:
                 help = "set `for` of each shape: `visual`, `collision` or `both`" if key in ("collision", "visual") else f"remove `{key}`"
                 help += ", and `decompose` of a mesh" if key == "collision" else ""

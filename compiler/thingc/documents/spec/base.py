@@ -29,7 +29,7 @@ class Model(BaseModel):
 
 
 def rule(message: str, help: Hint = "", key: str | None = None) -> PydanticCustomError:
-    """Create the validation error for a mapping whose fields violate a common rule. `key` is the key that causes the error."""
+    """Create a validation error for a mapping whose fields violate a rule of its model. `key` is the key that causes the error."""
     return PydanticCustomError("rule", "{message}", {"message": message, "help": help, "path": (key,) if key is not None else ()})
 
 
@@ -38,22 +38,22 @@ def given_keys(spec: BaseModel, keys: Sequence[str]) -> list[str]:
     return [key for key in keys if getattr(spec, key) is not None]
 
 
-def require_one(spec: BaseModel, keys: Sequence[str], what: str, help: Hint) -> None:
-    """Raise a validation error unless a mapping contains exactly one of the keys. `what` describes the mapping: `a volume`."""
+def require_one(spec: BaseModel, keys: Sequence[str], description: str, help: Hint) -> None:
+    """Raise a validation error unless a mapping contains exactly one of the keys. `description` is the mapping in messages: `a volume`."""
     found = given_keys(spec, keys)
     if len(found) != 1:
-        known, named = (", ".join(f"`{key}`" for key in keys), " and ".join(f"`{key}`" for key in found))
-        raise rule(f"{what} must have exactly one of {known}, found {named or 'none'}", help)
+        expected, given = (", ".join(f"`{key}`" for key in keys), " and ".join(f"`{key}`" for key in found))
+        raise rule(f"{description} must have exactly one of {expected}, found {given or 'none'}", help)
 
 
-def require_either(spec: BaseModel, one: str, other: str, what: str, help: Hint) -> None:
+def require_either(spec: BaseModel, first: str, second: str, description: str, help: Hint) -> None:
     """Raise a validation error unless a mapping contains exactly one of two keys."""
-    found = given_keys(spec, (one, other))
+    found = given_keys(spec, (first, second))
     if len(found) != 1:
-        raise rule(f"{what} needs exactly one of `{one}` and `{other}`, found {'both' if found else 'none'}", help)
+        raise rule(f"{description} needs exactly one of `{first}` and `{second}`, found {'both' if found else 'none'}", help)
 
 
 def require_with(spec: BaseModel, key: str, other: str, help: Hint) -> None:
-    """Raise a validation error if a mapping contains a key, but not another key with which this key must be used."""
+    """Raise a validation error if a mapping contains `key` without the key `other`, which `key` requires."""
     if getattr(spec, key) not in (None, [], {}) and getattr(spec, other) is None:
         raise rule(f"`{key}` can only be used with `{other}`", help, key)

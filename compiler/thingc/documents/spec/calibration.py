@@ -19,15 +19,15 @@ FINEST = 1e-12
 """Smallest accepted resolution [rad or m]."""
 
 
-def _whole_number(least: int, most: int) -> FieldValidator:
+def _whole_number(minimum: int, maximum: int) -> FieldValidator:
     def validate(value: Any) -> int:
         if isinstance(value, bool) or not isinstance(value, int):
             raise fault("type", f"expected a whole number, found {describe(value)}")
-        if not least <= value <= most:
-            raise fault("quantity", f"expected a whole number from {least} to {most}, found {value}")
+        if not minimum <= value <= maximum:
+            raise fault("quantity", f"expected a whole number from {minimum} to {maximum}, found {value}")
         return value
 
-    return FieldValidator(validate, "a whole number", {"type": "integer", "minimum": least, "maximum": most})
+    return FieldValidator(validate, "a whole number", {"type": "integer", "minimum": minimum, "maximum": maximum})
 
 
 def _sign(value: Any) -> int:
@@ -38,15 +38,15 @@ def _sign(value: Any) -> int:
 
 def _resolution(value: Any) -> Quantity:
     """Validate the motion of a joint per tick. Expressions cannot use parameters, because a calibration has none."""
-    read = read_value(value, (ANGLE, LENGTH), "an angle or a length", "0.01 mm")
+    parsed = read_value(value, (ANGLE, LENGTH), "an angle or a length", "0.01 mm")
     try:
-        known = evaluate(read, {}) if isinstance(read, Expression) else read
+        resolution = evaluate(parsed, {}) if isinstance(parsed, Expression) else parsed
     except ExpressionError as error:
         raise fault("expression", error.message, help="use only numbers with units", offset=error.offset, end=error.end) from None
-    if not isinstance(known, Quantity) or known.dimension not in (ANGLE, LENGTH) or known.value < FINEST:
+    if not isinstance(resolution, Quantity) or resolution.dimension not in (ANGLE, LENGTH) or resolution.value < FINEST:
         help = "write the motion of the joint per tick, such as `0.01 mm`"
-        raise fault("quantity", f"expected an angle or a length of at least {FINEST:g} in SI units, found `{known}`", help=help)
-    return known
+        raise fault("quantity", f"expected an angle or a length of at least {FINEST:g} in SI units, found `{resolution}`", help=help)
+    return resolution
 
 
 EncoderValue = Annotated[int, _whole_number(-MOST_TICKS, MOST_TICKS)]
@@ -101,6 +101,6 @@ class CalibrationSpec(Model):
         first: dict[int, str] = {}
         help = "give each motor of the bus its own identifier"
         raise_all([
-            within(rule(f"joints `{first[motor.id]}` and `{name}` have the same motor `id: {motor.id}`", help), ("joints", name, "id"))
-            for name, motor in self.joints.items() if first.setdefault(motor.id, name) != name
+            within(rule(f"joints `{joints[motor.id]}` and `{name}` have the same motor `id: {motor.id}`", help), ("joints", name, "id"))
+            for name, motor in self.joints.items() if joints.setdefault(motor.id, name) != name
         ])

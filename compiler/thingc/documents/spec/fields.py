@@ -48,9 +48,9 @@ Vector = tuple[Value, Value, Value]
 class FieldValidator:
     """An annotation of a field of a document model: its validator, its description in messages, and its JSON Schema."""
 
-    def __init__(self, validate: Callable[[Any], Any], words: str, schema: Mapping[str, Any]) -> None:
+    def __init__(self, validate: Callable[[Any], Any], description: str, schema: Mapping[str, Any]) -> None:
         self.validate = validate
-        self.words = words
+        self.description = description
         self.schema = dict(schema)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
@@ -123,11 +123,11 @@ def is_expression(value: object) -> bool:
     return isinstance(value, str) and value.lstrip().startswith("=")
 
 
-def _of_unit(error: UnitError) -> PydanticCustomError:
+def _unit_fault(error: UnitError) -> PydanticCustomError:
     return fault(error.kind, error.message, help=error.help, offset=error.offset, end=error.end)
 
 
-def _bare(value: int | float) -> Quantity:
+def _unitless_quantity(value: int | float) -> Quantity:
     """Convert a number without a unit to a quantity. Raises an error for integers that overflow a double."""
     try:
         number = float(value)
@@ -138,7 +138,7 @@ def _bare(value: int | float) -> Quantity:
     return Quantity(number + 0.0)
 
 
-def read_value(value: Any, dimensions: tuple[Dimension, ...], words: str, example: str) -> Value:
+def read_value(value: Any, dimensions: tuple[Dimension, ...], description: str, example: str) -> Value:
     """Parse a string or a number of a document to a quantity with one of the given physical dimensions, or to an expression.
 
     Raises an error such as `expected a length (such as `120 mm`), found ...` for any other value.
@@ -149,24 +149,24 @@ def read_value(value: Any, dimensions: tuple[Dimension, ...], words: str, exampl
         return read_expression(value)
     try:
         if isinstance(value, str):
-            return check_dimension(_quantity_in(value, dimensions, words, example), dimensions, value)
+            return check_dimension(_quantity_in(value, dimensions, description, example), dimensions, value)
         if isinstance(value, (int, float)) and not isinstance(value, bool):
-            return check_dimension(_bare(value), dimensions, repr(value))
+            return check_dimension(_unitless_quantity(value), dimensions, repr(value))
     except UnitError as error:
-        raise _of_unit(error) from None
-    raise fault("type", f"expected {words} (such as `{example}`), found {describe(value)}")
+        raise _unit_fault(error) from None
+    raise fault("type", f"expected {description} (such as `{example}`), found {describe(value)}")
 
 
-def _quantity_in(text: str, wanted: tuple[Dimension, ...], words: str, example: str) -> Quantity:
-    """Parse a quantity, such as `120 mm`, by calling `parse_quantity`.
+def _quantity_in(text: str, dimensions: tuple[Dimension, ...], description: str, example: str) -> Quantity:
+    """Parse a quantity such as `120 mm`.
 
-    For a string that is not a quantity at all, raise an error that describes the expected value.
+    Raises UnitError. If the string does not begin with a number, the message contains `description` and `example`.
     """
     start = len(text) - len(text.lstrip())
     if scan_number(text, start) is None:
-        raise UnitError(f"expected {words} (such as `{example}`), found {describe(text)}", help=expression_hint(text))
+        raise UnitError(f"expected {description} (such as `{example}`), found {describe(text)}", help=expression_hint(text))
     try:
-        return parse_quantity(text, wanted)
+        return parse_quantity(text, dimensions)
     except UnitError as error:
         comma = re.fullmatch(r"\s*([-+]?\d+),(\d.*)", text)
         if comma is not None:
@@ -176,13 +176,13 @@ def _quantity_in(text: str, wanted: tuple[Dimension, ...], words: str, example: 
         raise
 
 
-def decimal_point(text: str, whole: str, rest: str) -> Suggestion:
-    """Return the hint for a number with a decimal comma.
+def decimal_point(text: str, integer: str, fraction: str) -> Suggestion:
+    """Return a hint that replaces the decimal comma in `text` by a point. `integer` and `fraction` are the parts beside the comma.
 
     The hint contains a fix only if the comma cannot be a thousands separator, as in 1,500.
     """
-    point = f"{whole}.{rest}"
-    decimals = re.match(r"\d*", rest)
+    point = f"{integer}.{fraction}"
+    decimals = re.match(r"\d*", fraction)
     sure = decimals is not None and len(decimals.group()) != 3 and shorten(point) == point
     return Suggestion(f"write `{shorten(point)}`", (text, point) if sure else None)
 
@@ -191,20 +191,20 @@ def quantity(*dimensions: Dimension, doc: str = "") -> FieldValidator:
     """Return a validator for quantities with one of the given physical dimensions. The validated value is a `Quantity` or an `Expression`.
 
     The number 0 is valid without a unit. All other numbers without a unit are rejected, unless NUMBER is one of the physical dimensions.
-    `doc` replaces the default description, such as "an angle or a length", in messages and in the JSON Schema.
+    `doc` replaces the default description ("an angle or a length") in messages and in the JSON Schema.
     """
-    words = doc or " or ".join(dimension.words for dimension in dimensions)
+    description = doc or " or ".join(dimension.words for dimension in dimensions)
     examples = [dimension.example for dimension in dimensions]
-    schema = _schema(words, examples, dimensions)
-    return FieldValidator(lambda value: read_value(value, dimensions, words, examples[0]), words, schema)
+    schema = _schema(description, examples, dimensions)
+    return FieldValidator(lambda value: read_value(value, dimensions, description, examples[0]), description, schema)
 
 
-def _schema(words: str, examples: list[str], dimensions: tuple[Dimension, ...]) -> dict[str, Any]:
+def _schema(description: str, examples: list[str], dimensions: tuple[Dimension, ...]) -> dict[str, Any]:
     numbers = NUMBER in dimensions
     text: dict[str, Any] = {"type": "string", "pattern": quantity_pattern(*dimensions)}
     number: dict[str, Any] = {"type": "number"} if numbers else {"const": 0}
     return {
-        "description": f"{words[0].upper()}{words[1:]}, such as `{examples[0]}`, or an expression such as `=reach / 2`.",
+        "description": f"{description[0].upper()}{description[1:]}, such as `{examples[0]}`, or an expression such as `=reach / 2`.",
         "examples": [2 if numbers else examples[0], *examples[1:], "=reach / 2"],
         "anyOf": [text, number],
     }
@@ -241,9 +241,9 @@ def any_value(value: Any) -> Value | bool | str:
         try:
             return parse_quantity(value)
         except UnitError as error:
-            raise _of_unit(error) from None
+            raise _unit_fault(error) from None
     if isinstance(value, (int, float)):
-        return _bare(value)
+        return _unitless_quantity(value)
     raise fault("type", f"expected a quantity, an expression, a boolean or a string, found {describe(value)}")
 
 
@@ -253,7 +253,7 @@ def _begins_with_number(text: str) -> bool:
 
 
 def _joint_value(value: Any) -> Value | str:
-    """Validate the value of a joint coordinate, or in a pose the name of a pose of a nested document."""
+    """Validate the value of a joint coordinate. In a pose, the name of a pose of a nested document is also valid."""
     if isinstance(value, str) and _NAME.fullmatch(value.strip()):
         return value.strip()
     return read_value(value, (ANGLE, LENGTH), "an angle or a length", "30 deg")
@@ -264,7 +264,7 @@ def _vector(dimension: Dimension) -> FieldValidator:
 
     The validated value is a tuple of three values.
     """
-    words = f"three values, each {dimension.words}"
+    description = f"three values, each {dimension.words}"
     number, _, unit = dimension.example.partition(" ")
     short = f"0 0 -{number} {unit}" if dimension == units.ACCELERATION else f"0 {number} 30 {unit}"
     listed = f"[{dimension.example}, 0, 0]"
@@ -275,14 +275,14 @@ def _vector(dimension: Dimension) -> FieldValidator:
                 x, y, z = (check_dimension(part, (dimension,), value) for part in parse_vector(value, (dimension,)))
             except UnitError as error:
                 if error.kind == "unit" and error.offset is None:
-                    meant = f"{' '.join(value.split())} {suggested_units(dimension, value)[0]}"
-                    error = UnitError(error.message, kind="unit", help=f"write, for example, `{meant}`")
-                raise _of_unit(error) from None
+                    example = f"{' '.join(value.split())} {suggested_units(dimension, value)[0]}"
+                    error = UnitError(error.message, kind="unit", help=f"write, for example, `{example}`")
+                raise _unit_fault(error) from None
             return x, y, z
         if not isinstance(value, (list, tuple)):
-            raise fault("type", f"expected {words}, found {describe(value)}", help=f"write, for example, `{short}` or `{listed}`")
+            raise fault("type", f"expected {description}, found {describe(value)}", help=f"write, for example, `{short}` or `{listed}`")
         if len(value) != 3:
-            raise fault("vector", f"expected {words}, found {describe(value)}", help=f"write, for example, `{listed}`")
+            raise fault("vector", f"expected {description}, found {describe(value)}", help=f"write, for example, `{listed}`")
         items: list[Value] = []
         wrong: list[PydanticCustomError] = []
         for index, item in enumerate(value):
@@ -294,7 +294,7 @@ def _vector(dimension: Dimension) -> FieldValidator:
         return items[0], items[1], items[2]
 
     item = _schema(dimension.words, [dimension.example], (dimension,))
-    return FieldValidator(validate, words, {
+    return FieldValidator(validate, description, {
         "description": f"Three values, each {dimension.words}: `{short}` or `{listed}`.",
         "examples": [short, [dimension.example, 0, 0]],
         "anyOf": [
@@ -305,9 +305,9 @@ def _vector(dimension: Dimension) -> FieldValidator:
 
 
 def within(error: PydanticCustomError, path: tuple[str | int, ...]) -> PydanticCustomError:
-    """Return a copy of a validation error with the path of the invalid item inside a value.
+    """Return a copy of a validation error to which the path of the invalid item inside the validated value is added.
 
-    By this path, `spec.validation` finds the location of the error.
+    `spec.validation` uses this path to find the location of the error.
     """
     context = dict(error.context or {})
     context["path"] = path
@@ -315,7 +315,7 @@ def within(error: PydanticCustomError, path: tuple[str | int, ...]) -> PydanticC
 
 
 def raise_all(errors: list[PydanticCustomError]) -> None:
-    """If the list is not empty, raise its first validation error with all other errors in its context."""
+    """Raise the first error of the list, with the other errors as `others` in its context. Do nothing if the list is empty."""
     if errors:
         first, *others = errors
         raise PydanticCustomError(first.type, "{message}", {**(first.context or {}), "others": others})
@@ -340,12 +340,12 @@ def name_of(value: Any) -> str:
 
 def _validate_omitted(value: Any) -> tuple[str, ...]:
     """Validate levels of detail that are omitted, such as `-fasteners`, and return their names."""
-    given = value if isinstance(value, list) else [value]
-    for one in given:
-        if not isinstance(one, str) or not one.startswith("-"):
-            help = f"write `-{one}` to omit it" if isinstance(one, str) and _NAME.fullmatch(one) else "write, for example, `-fasteners`"
-            raise fault("type", f"expected a minus sign and a level of detail, found {describe(one)}", help=help)
-    return tuple(name_of(one[1:]) for one in given)
+    levels = value if isinstance(value, list) else [value]
+    for text in levels:
+        if not isinstance(text, str) or not text.startswith("-"):
+            help = f"write `-{text}` to omit it" if isinstance(text, str) and _NAME.fullmatch(text) else "write, for example, `-fasteners`"
+            raise fault("type", f"expected a minus sign and a level of detail, found {describe(text)}", help=help)
+    return tuple(name_of(text[1:]) for text in levels)
 
 
 def _index(value: Any) -> str:
@@ -365,7 +365,7 @@ def _reference(value: Any) -> str:
     """
     if not isinstance(value, str):
         raise fault("type", f"expected a reference such as `plate.servo_seat`, found {describe(value)}")
-    at = 0
+    offset = 0
     for word in value.split("."):
         if not _REFERENCE_WORD.fullmatch(word):
             message = f"`{shorten(value)}` is not a valid reference"
@@ -374,8 +374,8 @@ def _reference(value: Any) -> str:
             help = f"separate names with dots: `{shorten(value.replace('/', '.'))}`" if "/" in word else None
             if re.fullmatch(r"\w+ +\w+", word):
                 help = f"write `{'.'.join(word.split())}`"
-            raise fault("reference", message, help=help, offset=at, end=at + max(1, len(word)))
-        at += len(word) + 1
+            raise fault("reference", message, help=help, offset=offset, end=offset + max(1, len(word)))
+        offset += len(word) + 1
     return value
 
 

@@ -1,7 +1,6 @@
 """Keywords of other formats and programs, with the corresponding keys and values of thingc.
 
-The keywords are in `foreign_keywords.toml`, which is read when a document contains an unknown key or value. `WHOLE` contains mappings for
-which users often write only a single value.
+The keywords are in `foreign_keywords.toml`, which is read when a document contains an unknown key or value.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from thingc.base.units import shorten
 from thingc.documents.spec import assembly, drives, link_shapes, mass, materials, modes, repeats, sensors
 from thingc.documents.spec.annotation_types import model_keys, one_of
 
-WHOLE: Mapping[type[BaseModel], tuple[str, ...]] = {
+SHORT_FORM_KEYS: Mapping[type[BaseModel], tuple[str, ...]] = {
     assembly.LimitSpec: ("lower", "upper"), modes.WorldAtSpec: ("xyz",), modes.HoldSpec: ("xyz",), assembly.MountSpec: ("xyz",),
     assembly.MimicSpec: ("joint",), repeats.RepeatSpec: ("count",), assembly.AtSpec: ("in",), modes.ModeSpec: ("root",),
     mass.InertiaMatrix: ("ixx", "iyy", "izz"), drives.DriveSpec: ("kind",), drives.DynamicsSpec: ("damping",),
@@ -32,14 +31,15 @@ WHOLE: Mapping[type[BaseModel], tuple[str, ...]] = {
 
 @cache
 def keywords() -> tuple[Mapping[str, Mapping[str, str]], Mapping[str, list[str]]]:
-    """Return two mappings from the keywords of other formats.
+    """Return the keys and the values of other formats, with their replacements in thingc.
 
-    The first mapping contains the keys of each document model by the name of its class. Each key is mapped to the key of thingc that
-    replaces it, or to a sentence that explains the difference. The second mapping maps values to choices of thingc.
+    The first mapping is keyed by the class name of a document model, and then by a key of another format. Its value is the key of thingc
+    that replaces the other key, or a sentence that explains the difference. The second mapping maps values of other formats to lists of
+    choices of thingc.
     """
     tables: dict[str, Any] = tomllib.loads((resources.files(__package__) / "foreign_keywords.toml").read_text(encoding="utf-8"))
-    keys = {model: {word: meant for meant, words in table.items() for word in words.split()} for model, table in tables["keys"].items()}
-    return keys, {word: meant.split() for meant, words in tables["words"].items() for word in words.split()}
+    keys = {model: {word: key for key, words in table.items() for word in words.split()} for model, table in tables["keys"].items()}
+    return keys, {keyword: target.split() for target, keywords_text in tables["words"].items() for keyword in keywords_text.split()}
 
 
 def key_for(model: type[BaseModel], key: str) -> str | None:
@@ -47,31 +47,31 @@ def key_for(model: type[BaseModel], key: str) -> str | None:
 
     Return None for an unknown key.
     """
-    for one in model.__mro__:
-        known = keywords()[0].get(one.__name__, {}).get(key.lower().replace("-", "_"))
-        if known is not None:
-            return known
+    for base in model.__mro__:
+        replacement = keywords()[0].get(base.__name__, {}).get(key.lower().replace("-", "_"))
+        if replacement is not None:
+            return replacement
     return None
 
 
 def choice_hint(word: str, choices: list[str]) -> Hint | None:
-    """Return a hint for a value of another format that was written in place of one of the choices, or None."""
-    plain = word.lower().replace("-", "_").replace(" ", "_")
-    names = [one for one in keywords()[1].get(plain, ()) if one in choices]
+    """Return a hint if `word` is a value of another format that corresponds to one of the choices. Otherwise, return None."""
+    keyword = word.lower().replace("-", "_").replace(" ", "_")
+    names = [name for name in keywords()[1].get(keyword, ()) if name in choices]
     return Suggestion(f"use {one_of(names)}", (word, names[0]) if len(names) == 1 else None) if names else None
 
 
-def written_whole(model: type[BaseModel], texts: list[str], value: object) -> str | None:
-    """Return the text of the mapping that the user probably intended by a single value or a list, or None.
+def mapping_text(model: type[BaseModel], texts: list[str], value: object) -> str | None:
+    """Return the text of the mapping that the user probably intended, if a value or list was written instead. Otherwise, return None.
 
-    `texts` contains the source texts of the scalars in the value.
+    `texts` contains the source text of `value`, or of each item if `value` is a list.
     """
-    keys = WHOLE.get(model)
+    keys = SHORT_FORM_KEYS.get(model)
     if keys is None or not texts or not all(texts) or isinstance(value, bool):
         return None
     if keys == ("xyz",):
         return f"{{xyz: [{', '.join(texts)}]}}" if len(texts) == 3 else f"{{xyz: {shorten(texts[0])}}}" if len(texts) == 1 else None
-    needed = sum(required for _, required in model_keys(model).values())
-    if not max(needed, 1 if len(keys) < 2 else 2) <= len(texts) <= len(keys):
+    required_count = sum(required for _, required in model_keys(model).values())
+    if not max(required_count, 1 if len(keys) < 2 else 2) <= len(texts) <= len(keys):
         return None
     return "{" + ", ".join(f"{key}: {shorten(text, 40)}" for key, text in zip(keys, texts)) + "}"

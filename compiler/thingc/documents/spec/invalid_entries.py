@@ -20,12 +20,10 @@ ANY_NAME = "*"
 
 
 class InvalidEntries(FrozenStruct):
-    """The paths of invalid values that validation has removed from a document.
+    """The paths of invalid values that validation has reported and removed from a document.
 
-    If an invalid key may be a misspelling of a required key, the path of the required key is also included. The invalid values have been
-    reported.
-
-    Later passes do not report errors at one of these paths, at its parent paths, or inside its value.
+    If an invalid key may be a misspelling of another key, the path of the other key is also included. Later passes do not report errors at
+    these paths, at their parent paths, or inside their values.
     """
 
     paths: frozenset[Path] = frozenset()
@@ -35,11 +33,11 @@ class InvalidEntries(FrozenStruct):
 
     def touch(self, path: Path) -> bool:
         """Return whether the value at `path`, a value that contains it, or a value inside it is invalid."""
-        return any(doubt[: len(path)] == path[: len(doubt)] for doubt in self.paths)
+        return any(invalid[: len(path)] == path[: len(invalid)] for invalid in self.paths)
 
     def at(self, path: Path) -> bool:
         """Return whether the value at `path`, or a value that contains it, is invalid as a whole."""
-        return any(doubt == path[: len(doubt)] for doubt in self.paths)
+        return any(invalid == path[: len(invalid)] for invalid in self.paths)
 
     def lacks(self, section: str) -> bool:
         """Return whether names may be missing in a section, because the whole section or the name of an entry is invalid."""
@@ -47,7 +45,7 @@ class InvalidEntries(FrozenStruct):
 
     def names(self, section: str) -> Iterator[str]:
         """Yield the names of the entries of a section that are invalid as a whole, in alphabetical order."""
-        yield from sorted(str(doubt[1]) for doubt in self.paths if len(doubt) == 2 and doubt[0] == section and doubt[1] != ANY_NAME)
+        yield from sorted(str(path[1]) for path in self.paths if len(path) == 2 and path[0] == section and path[1] != ANY_NAME)
 
 
 NO_DOUBTS = InvalidEntries()
@@ -66,7 +64,7 @@ class Specs(dict[str, "AssemblySpec | CatalogSpec | MaterialsSpec"]):
 
     def union(self, more: Specs) -> Specs:
         """Return the union of these validated models and the models in `more`."""
-        both = Specs({**self, **more})
-        both.doubts = {**self.doubts, **more.doubts}
-        both.allowances = [*self.allowances, *more.allowances]
-        return both
+        combined = Specs({**self, **more})
+        combined.doubts = {**self.doubts, **more.doubts}
+        combined.allowances = [*self.allowances, *more.allowances]
+        return combined

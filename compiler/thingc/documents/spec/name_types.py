@@ -41,13 +41,13 @@ RESERVED = frozenset({"world", "root", "origin"})
 class DeclaresName(FrozenStruct, kw_only=False):
     """An annotation for fields of document models whose key or string declares a name."""
 
-    what: Declared
+    kind: Declared
 
 
 class RefersTo(FrozenStruct, kw_only=False):
     """An annotation for fields of document models whose key or string refers to a name."""
 
-    what: ReferenceKind
+    kind: ReferenceKind
 
 
 NewComponent = Annotated[Name, DeclaresName("component")]

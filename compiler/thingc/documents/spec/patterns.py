@@ -25,8 +25,8 @@ def _units_of(*dimensions: Dimension) -> str:
     The value `0 %` is accepted in the same way as the number 0 without a unit.
     """
     single = {unit: dimension for unit, (_, _, dimension) in UNITS.items() if dimension != NUMBER}
-    wrong = sorted(unit for unit, dimension in single.items() if not any(fits(dimension, one) for one in dimensions))
-    return rf"(?!({'|'.join(wrong)})\s*$){_UNITS}"
+    excluded = sorted(unit for unit, dimension in single.items() if not any(fits(dimension, allowed) for allowed in dimensions))
+    return rf"(?!({'|'.join(excluded)})\s*$){_UNITS}"
 
 
 def quantity_pattern(*dimensions: Dimension, word: str = "") -> str:
@@ -34,13 +34,13 @@ def quantity_pattern(*dimensions: Dimension, word: str = "") -> str:
 
     If `word` is given, the regular expression also accepts this word.
     """
-    bare = _DIGITS if any(fits(NUMBER, one) for one in dimensions) else _ZERO
+    bare = _DIGITS if any(fits(NUMBER, dimension) for dimension in dimensions) else _ZERO
     return rf"^\s*({EXPRESSION}|{_DIGITS}\s*{_units_of(*dimensions)}|{bare}{'|' + word if word else ''})\s*$"
 
 
 def vector_pattern(dimension: Dimension) -> str:
     """Return the regular expression of a vector in a single string: three numbers and a unit, or three zeros."""
-    numbers, zeros = ((_BETWEEN.join([one] * 3)) for one in (_DIGITS, _ZERO))
+    numbers, zeros = ((_BETWEEN.join([pattern] * 3)) for pattern in (_DIGITS, _ZERO))
     return rf"^\s*({numbers}\s*{_units_of(dimension)}|{zeros})\s*$"
 
 

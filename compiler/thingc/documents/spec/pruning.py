@@ -20,10 +20,10 @@ ROUNDS = 12
 enclosing entry invalid.
 """
 
-_NEEDED = ("thingc", "name", "components")
+_REQUIRED_KEYS = ("thingc", "name", "components")
 """Required keys of an assembly. The function `prune` handles the required key `materials` of a materials document."""
 
-_STAND_INS: dict[str, Any] = {"parameters": 0, "poses": {}}
+_PLACEHOLDERS: dict[str, Any] = {"parameters": 0, "poses": {}}
 """Placeholder values by section, for removed entries whose name is valid."""
 
 
@@ -35,11 +35,10 @@ The context of the error contains this entry as `owner`, or None if the keys pre
 
 
 class Fault(FrozenStruct):
-    """A validation error at the value at `path` of a document. If `key` is True, the error is at the key of this value.
+    """A validation error of the value at `path` of a document, or of the key at `path` if `key` is True.
 
-    The type and the context of the error come from pydantic or from `fields`.
-
-    `shape` is the expected type of the value. For an unknown or missing key, `shape` is the type of the mapping.
+    `kind` and `context` are the type and the context of the error, from pydantic or from `fields`. `shape` is the expected type of the
+    value. For an unknown or missing key, it is the type of the mapping.
     """
 
     path: Path
@@ -55,65 +54,62 @@ def prune(plain: dict[str, Any], faults: Sequence[Fault]) -> set[Path] | None:
 
     Return the removed paths, or None if required keys of the document are invalid.
     """
-    doubts: set[Path] = set()
+    removed: set[Path] = set()
     for fault in faults:
         path = fault.path
         if fault.kind == "extra_forbidden":
-            mapping = _at(plain, path[:-1])
+            mapping = _value_at(plain, path[:-1])
             keys = model_keys(fault.shape.model) if fault.shape.model is not None else {}
             absent = [key for key in keys if not isinstance(mapping, dict) or key not in mapping]
-            close = nearest(str(path[-1]), absent)
-            doubts.update((*path[:-1], key) for key in ([close] if close else absent))
-            doubts.add(path)
+            similar = nearest(str(path[-1]), absent)
+            removed.update((*path[:-1], key) for key in ([similar] if similar else absent))
+            removed.add(path)
             if isinstance(mapping, dict):
                 mapping.pop(path[-1], None)
             continue
         if fault.kind == MISPLACED:
             for name in fault.value:
-                doubts.update(((*path[:-1], name), (*path[:-1], fault.context["owner"], name)))
-                _at(plain, path[:-1]).pop(name, None)
+                removed.update(((*path[:-1], name), (*path[:-1], fault.context["owner"], name)))
+                _value_at(plain, path[:-1]).pop(name, None)
             continue
         if fault.kind == "missing":
             path = path[:-1]
         elif fault.kind == "rule":
             path = (*path, *fault.context.get("path", ()))
-        taken = take_out(plain, path, name=fault.key)
-        if taken is None:
+        removed_path = remove_entry(plain, path, name=fault.key)
+        if removed_path is None:
             return None
-        doubts.add(taken)
+        removed.add(removed_path)
         if fault.key:
-            doubts.add((*taken[:-1], ANY_NAME))
-    return doubts
+            removed.add((*removed_path[:-1], ANY_NAME))
+    return removed
 
 
-def take_out(plain: dict[str, Any], path: Path, *, name: bool = False) -> Path | None:
+def remove_entry(plain: dict[str, Any], path: Path, *, name: bool = False) -> Path | None:
     """Remove the value at `path` from `plain`, which is a document as plain Python values.
 
-    If the value is an item of a list, remove the whole list.
-
-    `name` is True if the name of the entry is invalid.
-
-    Return the path of the removed value, or None if the value is required.
+    If the value is an item of a list, remove the whole list. `name` is True if the name of the entry is invalid; otherwise, a parameter or
+    pose is replaced by a placeholder. Return the path of the removed value, or None if the value is required.
     """
     while path and isinstance(path[-1], int):
         path = path[:-1]
-    if not path or path[0] in _NEEDED[:2] or (len(path) == 1 and path[0] == "components"):
+    if not path or path[0] in _REQUIRED_KEYS[:2] or (len(path) == 1 and path[0] == "components"):
         return None
     if plain.get("thingc") == "materials/1" and len(path) == 1:
         return None
     for length in range(1, len(path)):  # a key may look like the index of a list
-        if isinstance(_at(plain, path[:length]), list):
-            return take_out(plain, path[:length], name=name)
-    mapping = _at(plain, path[:-1])
+        if isinstance(_value_at(plain, path[:length]), list):
+            return remove_entry(plain, path[:length], name=name)
+    mapping = _value_at(plain, path[:-1])
     if isinstance(mapping, dict) and path[-1] in mapping:
-        if len(path) == 2 and path[0] in _STAND_INS and not name:
-            mapping[path[-1]] = copy(_STAND_INS[str(path[0])])
+        if len(path) == 2 and path[0] in _PLACEHOLDERS and not name:
+            mapping[path[-1]] = copy(_PLACEHOLDERS[str(path[0])])
         else:
             del mapping[path[-1]]
     return path
 
 
-def _at(value: Any, path: Path) -> Any:
+def _value_at(value: Any, path: Path) -> Any:
     """Return the value at a path of a document that consists of plain Python values. Return None if the path does not exist."""
     for step in path:
         if isinstance(value, dict):

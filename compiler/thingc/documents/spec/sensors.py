@@ -107,8 +107,8 @@ class SensorSpec(Model):
         kind = SENSORS[self.type]
         for key in _KEYS:
             if self.value_of(key) is not None and key not in kind.keys:
-                able = one_of([one.name for one in SENSORS.values() if key in one.keys])
-                raise rule(f"a sensor of type `{self.type}` cannot have `{key}`", f"remove `{key}`, or choose another `type`: {able}", key)
+                types = one_of([one.name for one in SENSORS.values() if key in one.keys])
+                raise rule(f"a sensor of type `{self.type}` cannot have `{key}`", f"remove `{key}`, or choose another `type`: {types}", key)
         for group in kind.needs:
             written = [key for key in group if self.value_of(key) is not None]
             if len(written) != 1:

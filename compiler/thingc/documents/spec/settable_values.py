@@ -40,16 +40,16 @@ class ChoicePath(FrozenStruct):
 
 def parse(path: str) -> ChoicePath | None:
     """Parse a path such as `components.foot.part`. Return None if the path does not refer to a choice."""
-    words = path.split(".")
+    steps = path.split(".")
     names: list[str] = []
-    while len(words) > 2 and words[0] == "components":
-        names.append(words[1])
-        words = words[2:]
-    rest = ".".join(words)
+    while len(steps) > 2 and steps[0] == "components":
+        names.append(steps[1])
+        steps = steps[2:]
+    key = ".".join(steps)
     if not all(name.isidentifier() and name.isascii() for name in names):
         return None
-    if rest == DEFAULT_MATERIAL or (names and rest in KEYS):
-        return ChoicePath(components=tuple(names), key=rest)
+    if key == DEFAULT_MATERIAL or (names and key in KEYS):
+        return ChoicePath(components=tuple(names), key=key)
     return None
 
 
@@ -58,16 +58,16 @@ def split_nested(path: str) -> tuple[str, str] | None:
 
     Return None if the path does not refer to a value in a nested assembly.
     """
-    words = path.split(".", 2)
-    if len(words) < 3 or words[0] != "components" or words[2].partition(".")[0] not in SECTIONS or "." not in words[2]:
+    steps = path.split(".", 2)
+    if len(steps) < 3 or steps[0] != "components" or steps[2].partition(".")[0] not in SECTIONS or "." not in steps[2]:
         return None
-    return words[1], words[2]
+    return steps[1], steps[2]
 
 
 def is_value(path: str) -> bool:
     """Return whether a path refers to a value, such as a limit, and not to a choice, such as a part or a material."""
-    words = path.split(".")
-    return len(words) > 1 and all(words) and " " not in path and parse(path) is None
+    steps = path.split(".")
+    return len(steps) > 1 and all(steps) and " " not in path and parse(path) is None
 
 
 def dimension_at(document: Document, path: Path) -> Dimension | None:
@@ -87,16 +87,16 @@ _VECTOR = re.compile(r"(\S+)\s+(\S+)\s+([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)", r
 
 def _joints(document: Document, path: Path) -> tuple[Iterator[str], str]:
     """Return the names of the joints to which the value at a path applies, and the key of the value."""
-    every = node_at(document.tree, ("joints",))
-    names = list(every.entries) if isinstance(every, MappingNode) else []
+    joints = node_at(document.tree, ("joints",))
+    names = list(joints.entries) if isinstance(joints, MappingNode) else []
     key = str(path[-1]) if path else ""
     if len(path) > 2 and path[0] == "joints":
         return iter((str(path[1]),)), key
     if path[:2] == ("defaults", "joint"):
         return iter(names), key
     if len(path) == 3 and path[0] == "poses":
-        made_by = re.sub(r"_\d+$", "", key)  # name of an element of a repeat
-        return (name for name in names if name in (key, made_by) or fnmatchcase(name, key)), "offset"
+        entry_name = re.sub(r"_\d+$", "", key)  # name of an element of a repeat
+        return (name for name in names if name in (key, entry_name) or fnmatchcase(name, key)), "offset"
     return iter(()), key
 
 
@@ -116,12 +116,10 @@ def current_value(documents: Documents, path: str) -> ExpressionValue | Expressi
     return None if document is None else _value(documents, document, keys)
 
 
-def stated_parameter(documents: Documents, path: str) -> ExpressionValue | None:
-    """Return the value that a nested document specifies for one of its own parameters.
+def nested_parameter_value(documents: Documents, path: str) -> ExpressionValue | None:
+    """Return the default value of a parameter of a nested document, given a path such as `components.leg.parameters.length`.
 
-    For example, the path is `components.leg.parameters.length`.
-
-    Return None if the value is an expression, or if the path does not refer to such a parameter.
+    Return None if the value is an expression, or if the path does not refer to a parameter of a nested document.
     """
     document, keys = _leading(documents, path)
     if document is None or len(keys) != 4 or (keys[0], keys[2]) != ("components", "parameters"):
@@ -129,12 +127,12 @@ def stated_parameter(documents: Documents, path: str) -> ExpressionValue | None:
     document = nested_document(documents, document, keys[1])
     if document is None:
         return None
-    said = (_value(documents, document, ("parameters", keys[3], *inner)) for inner in ((), ("value",)))
-    return next((value for value in said if value is not None and not isinstance(value, Expression)), None)
+    values = (_value(documents, document, ("parameters", keys[3], *inner)) for inner in ((), ("value",)))
+    return next((value for value in values if value is not None and not isinstance(value, Expression)), None)
 
 
-def dimension_stated(documents: Documents, path: str) -> Dimension | None:
-    """Return the physical dimension of the joint value at a path.
+def joint_value_dimension(documents: Documents, path: str) -> Dimension | None:
+    """Return the physical dimension of the joint value at a path, which can lead into nested assemblies.
 
     The document need not contain the value. Return None if the path does not refer to a value of a joint.
     """
@@ -158,7 +156,7 @@ def nested_document(documents: Documents, document: Document, component: str) ->
 
 
 def _value(documents: Documents, document: Document, keys: tuple[str, ...]) -> ExpressionValue | Expression | None:
-    node = stated_node(document.tree, keys)
+    node = node_in_full(document.tree, keys)
     if not isinstance(node, ScalarNode):
         return None
     try:
@@ -168,7 +166,7 @@ def _value(documents: Documents, document: Document, keys: tuple[str, ...]) -> E
     return None if isinstance(value, Expression) and document is not documents.root else value
 
 
-def stated_choices(assembly: AssemblySpec) -> dict[str, str]:
+def current_choices(assembly: AssemblySpec) -> dict[str, str]:
     """Return the current choices (parts, files, assemblies and materials) of the components in a document, keyed by path.
 
     Selecting a current choice again does not change the robot.
@@ -180,35 +178,30 @@ def stated_choices(assembly: AssemblySpec) -> dict[str, str]:
     return choices
 
 
-def in_full(tree: Node, keys: tuple[str, ...]) -> tuple[tuple[str, ...], Node] | None:
-    """Convert a value in short form to its long form, if a path refers to a key inside the value.
+def expand_short_form(tree: Node, keys: tuple[str, ...]) -> tuple[tuple[str, ...], Node] | None:
+    """Return the path and the long form of a value that the document contains in short form, if `keys` refer to a key inside this value.
 
-    Return the path of the value and its long form, or None if the path does not refer to a value in short form.
-
-    Two kinds of values have a short form. A joint drive can be only the name of a component, or come from `defaults`
-    (`joints.elbow.drive.kp`). A vector can be a single string (`modes.moon.gravity.2`).
+    Otherwise, return None. Two kinds of values have a short form. A joint drive can be only the name of a component, or come from
+    `defaults` (`joints.elbow.drive.kp`). A vector can be a single string (`modes.moon.gravity.2`).
     """
-    text = node_at(tree, keys[:-1])
-    vector = _VECTOR.fullmatch(text.text.strip()) if keys[-1].isdecimal() and isinstance(text, ScalarNode) else None
-    if vector is not None and text is not None:
-        each = [f"{number} {vector[4]}".strip() for number in vector.group(1, 2, 3)]
-        items = tuple(ScalarNode(value=core_value(one), text=one, span=text.span) for one in each)
-        return keys[:-1], SequenceNode(items=items, span=text.span)
+    node = node_at(tree, keys[:-1])
+    vector = _VECTOR.fullmatch(node.text.strip()) if keys[-1].isdecimal() and isinstance(node, ScalarNode) else None
+    if vector is not None and node is not None:
+        elements = [f"{number} {vector[4]}".strip() for number in vector.group(1, 2, 3)]
+        items = tuple(ScalarNode(value=core_value(element), text=element, span=node.span) for element in elements)
+        return keys[:-1], SequenceNode(items=items, span=node.span)
     if len(keys) < 4 or (keys[0], keys[2]) != ("joints", "drive") or node_at(tree, keys[:2]) is None:
         return None
-    own = node_at(tree, keys[:3])
-    drive = node_at(tree, ("defaults", "joint", "drive")) if own is None else own
+    joint_drive = node_at(tree, keys[:3])
+    drive = node_at(tree, ("defaults", "joint", "drive")) if joint_drive is None else joint_drive
     if isinstance(drive, ScalarNode):
         drive = MappingNode(entries={"component": drive}, keys={"component": drive.span}, span=drive.span)
-    elif own is not None:
+    elif joint_drive is not None:
         return None
     return (keys[:3], drive) if isinstance(drive, MappingNode) else None
 
 
-def stated_node(tree: Node, keys: tuple[str, ...]) -> Node | None:
-    """Return the node at a path of a document, or None if there is no value at this path.
-
-    The path can refer to a key inside a value in short form.
-    """
-    place, node = in_full(tree, keys) or ((), tree)
+def node_in_full(tree: Node, keys: tuple[str, ...]) -> Node | None:
+    """Return the node at a path, or None. Values in short form are expanded, so the path can refer to a key inside such a value."""
+    place, node = expand_short_form(tree, keys) or ((), tree)
     return node_at(node, keys[len(place):])

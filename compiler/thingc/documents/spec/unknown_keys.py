@@ -15,9 +15,9 @@ from thingc.documents.spec.pruning import MISPLACED, Fault
 
 
 class UnknownKey:
-    """An error about an unknown key in a document. `root` is the model of the document, and `fault` is the validation error.
+    """Explains an error about an unknown key. `root` is the model of the document, and `fault` is the validation error.
 
-    `instead` is the key of the same mapping that the user probably intended, or None. `help` is the help text of the error.
+    `intended` is the key of the same mapping that the user probably intended, or None. `help` is the help text of the error.
     """
 
     def __init__(self, document: Document, root: type[Model], fault: Fault) -> None:
@@ -25,101 +25,99 @@ class UnknownKey:
         self.path = fault.path
         self.key = str(fault.path[-1])
         self.model = fault.shape.model
-        self.known = list(model_keys(self.model)) if self.model is not None else []
+        self.known_keys = list(model_keys(self.model)) if self.model is not None else []
         mapping = node_at(document.tree, fault.path[:-1])
         self.present = set(mapping.entries) if isinstance(mapping, MappingNode) else set()
-        absent = [key for key in self.known if key not in self.present]
-        told = key_for(self.model, self.key) if self.model is not None else None
-        self.instead: str | None = None
+        absent = [key for key in self.known_keys if key not in self.present]
+        suggestion = key_for(self.model, self.key) if self.model is not None else None
+        self.intended: str | None = None
         self.help: Hint
-        if told is not None:
-            self.help = self._suggest(told)
+        if suggestion is not None:
+            self.help = self._suggest(suggestion)
             return
-        place = None if closest_name(self.key, absent) is not None else self._mate() or self._place(root)
+        place = None if closest_name(self.key, absent) is not None else self._suggest_attach() or self._suggest_place(root)
         if place is not None:
             self.help = place
             return
-        self.instead = nearest(self.key, absent)
-        if self.instead is not None:
-            self.help = near_hint(self.key, self.known) or ""
-            if str(self.help) != f"did you mean `{self.instead}`?":
-                self.help = f"did you mean `{self.instead}`?"
-        elif close := nearest(self.key, self.known):
+        self.intended = nearest(self.key, absent)
+        if self.intended is not None:
+            self.help = near_hint(self.key, self.known_keys) or ""
+            if str(self.help) != f"did you mean `{self.intended}`?":
+                self.help = f"did you mean `{self.intended}`?"
+        elif close := nearest(self.key, self.known_keys):
             self.help = f"`{close}` already exists here"
         else:
-            self.help = did_you_mean(self.key, self.known, what="keys")
+            self.help = did_you_mean(self.key, self.known_keys, what="keys")
 
-    def _suggest(self, told: str) -> Hint:
-        """Return the help text that suggests the key `told` instead of the unknown key.
+    def _suggest(self, suggestion: str) -> Hint:
+        """Return the help text that suggests another key. `suggestion` is this key, or a sentence, which is returned unchanged."""
+        if suggestion not in self.known_keys:
+            return suggestion
+        if suggestion in self.present:
+            return f"use `{suggestion}`, which already exists here"
+        self.intended = suggestion
+        return Suggestion(f"use `{suggestion}`", (self.key, suggestion))
 
-        If `told` is a whole sentence, this sentence is returned unchanged.
-        """
-        if told not in self.known:
-            return told
-        if told in self.present:
-            return f"use `{told}`, which already exists here"
-        self.instead = told
-        return Suggestion(f"use `{told}`", (self.key, told))
-
-    def _mate(self) -> str | None:
+    def _suggest_attach(self) -> str | None:
         """Suggest the long form of `attach` for an unknown key `turn` or `gap` in a component with the short form of `attach`."""
-        if not {"mount", "to"} <= set(self.known) - self.present:
+        if not {"mount", "to"} <= set(self.known_keys) - self.present:
             return None
         return f"write in full: `mount: {shorten(self.key, 40)}, to: {_node_text(node_at(self.document.tree, self.path))}`"
 
-    def _place(self, root: type[Model]) -> str | None:
+    def _suggest_place(self, root: type[Model]) -> str | None:
         """Describe where an unknown key is valid: in a nested mapping, in a parent mapping, or in a section of the document."""
         value = node_at(self.document.tree, self.path)
-        if "parameters" in self.known and "part" not in self.known and len(self.path) > 1 and isinstance(value, ScalarNode):
+        if "parameters" in self.known_keys and "part" not in self.known_keys and len(self.path) > 1 and isinstance(value, ScalarNode):
             return f"set a parameter by `parameters: {{{shorten(self.key, 40)}: {shorten(value.text, 40)}}}`"
-        shown = _node_text(value)
+        value_text = _node_text(value)
         if len(self.path) == 3 and self.path[0] == "defaults":
             entries = dict(sections(root)).get(f"{self.path[1]}s")
             if entries is not None and entries.model is not None and self.key in model_keys(entries.model):
                 return f"`{self.key}` has no default: set the key in each entry of `{self.path[1]}s`"
-        inside = [key for key in self.known if any(self.key in model_keys(one) for one in _models(self.model, key))]
-        if inside:
-            here = [key for key in inside if key in self.present]
-            short = node_at(self.document.tree, (*self.path[:-1], "attach")) if here == ["attach"] else None
-            if isinstance(short, MappingNode) and len(short.entries) == 1 and "mount" not in short.entries:
-                ((mount, to),) = short.entries.items()
-                mate = f"mount: {shorten(mount, 40)}, to: {_node_text(to)}, {self.key}: {shown}"
+        mapping_keys = [key for key in self.known_keys if any(self.key in model_keys(one) for one in _models(self.model, key))]
+        if mapping_keys:
+            present_keys = [key for key in mapping_keys if key in self.present]
+            short_form = node_at(self.document.tree, (*self.path[:-1], "attach")) if present_keys == ["attach"] else None
+            if isinstance(short_form, MappingNode) and len(short_form.entries) == 1 and "mount" not in short_form.entries:
+                ((mount, to),) = short_form.entries.items()
+                mate = f"mount: {shorten(mount, 40)}, to: {_node_text(to)}, {self.key}: {value_text}"
                 return f"write the key inside `attach`, in full: `attach: {{{mate}}}`"
-            if here:
-                return f"move the key into {one_of(here)}"
-            return f"write the key inside {one_of(inside)}: `{inside[0]}: {{{self.key}: {shown}}}`"
-        for depth, shape in reversed(list(enumerate(along(root, self.document, self.path[:-1])))[:-1]):
+            if present_keys:
+                return f"move the key into {one_of(present_keys)}"
+            return f"write the key inside {one_of(mapping_keys)}: `{mapping_keys[0]}: {{{self.key}: {value_text}}}`"
+        for depth, shape in reversed(list(enumerate(types_along(root, self.document, self.path[:-1])))[:-1]):
             if shape.model is not None and self.key in model_keys(shape.model):
-                around = ".".join(str(step) for step in self.path[:depth])
-                what = f"the enclosing `{around}`" if around else "the document itself"
-                return f"`{self.key}` is a key of {what}: check the indentation"
+                enclosing = ".".join(str(step) for step in self.path[:depth])
+                place = f"the enclosing `{enclosing}`" if enclosing else "the document itself"
+                return f"`{self.key}` is a key of {place}: check the indentation"
         if len(self.path) == 1:
-            return self._section(root, value.plain() if value is not None else None) or self._of_entries(root)
-        return self._parameter(shown)
+            return self._suggest_section(root, value.plain() if value is not None else None) or self._suggest_entry(root)
+        return self._suggest_parameter(value_text)
 
-    def _section(self, root: type[Model], value: Any) -> str | None:
-        """Return a help text that names the section in which the unknown key probably belongs.
+    def _suggest_section(self, root: type[Model], value: Any) -> str | None:
+        """Return a help text that names the section in which the unknown key probably belongs, such as `joints`.
 
-        The keys of the value must be similar to the keys of the entries in this section, such as `joints`. Otherwise, return None.
+        Return None if the value does not have the keys of an entry of any section.
         """
         if not isinstance(value, dict):
             return None
-        likes = {name: likeness(entry, value) for name, entry in sections(root) if entry.model is not None}
-        best = max(likes, key=lambda name: likes[name], default=None)
-        if best is None or likes[best] < 2.0:
+        scores = {name: likeness(entry, value) for name, entry in sections(root) if entry.model is not None}
+        best = max(scores, key=lambda name: scores[name], default=None)
+        if best is None or scores[best] < 2.0:
             return None
         return f"move `{self.key}` below the key `{best}`, indented by two more spaces"
 
-    def _of_entries(self, root: type[Model]) -> str | None:
+    def _suggest_entry(self, root: type[Model]) -> str | None:
         """Return a hint that lists other sections in which the unknown key is valid."""
-        having = [name for name, entry in sections(root) if entry.model is not None and self.key in model_keys(entry.model)]
-        return f"`{self.key}` is a key of an entry of {one_of(having)}: check the indentation" if having else None
+        section_names = [name for name, entry in sections(root) if entry.model is not None and self.key in model_keys(entry.model)]
+        return f"`{self.key}` is a key of an entry of {one_of(section_names)}: check the indentation" if section_names else None
 
-    def _parameter(self, shown: str) -> str | None:
+    def _suggest_parameter(self, text: str) -> str | None:
         """Return a help text that describes how to set the parameters of a part or of a nested document."""
-        for of, key in (("part", "params"), ("assembly", "parameters")):
-            if {of, key} <= set(self.known) and of in self.present and shown != "..." and nearest(self.key, self.known) is None:
-                return f"set a parameter of the {of} by `{key}: {{{shorten(self.key, 40)}: {shown}}}`"
+        for kind, key in (("part", "params"), ("assembly", "parameters")):
+            unclear = text == "..." or nearest(self.key, self.known_keys) is not None
+            if {kind, key} <= set(self.known_keys) and kind in self.present and not unclear:
+                return f"set a parameter of the {kind} by `{key}: {{{shorten(self.key, 40)}: {text}}}`"
         return None
 
 
@@ -134,7 +132,7 @@ def sections(root: type[Model]) -> Iterator[tuple[str, FieldType]]:
             yield name, shape_of(shape.members[0])
 
 
-def along(root: type[Model], document: Document, path: Path) -> Iterator[FieldType]:
+def types_along(root: type[Model], document: Document, path: Path) -> Iterator[FieldType]:
     """Yield the types of the document and of all values along `path`, up to the first unknown key."""
     shape = shape_of(root)
     yield shape
@@ -160,21 +158,21 @@ def _models(model: type[Model] | Any, key: str) -> Iterator[type[Model] | Any]:
 
 
 def combine_faults(document: Document, root: type[Model], faults: list[Fault]) -> list[Fault]:
-    """Combine the errors about keys that have the same indentation as the entry to which they belong.
+    """Replace the errors about keys that have the same indentation as the entry to which they belong, by one error for each group of keys.
 
-    Errors that report these keys as missing are dropped.
+    Errors that report these keys as missing are removed.
     """
     misplaced: list[Fault] = []
     for section, entry in sections(root):
-        around = node_at(document.tree, (section,))
-        if entry.model is None or not isinstance(around, MappingNode):
+        section_node = node_at(document.tree, (section,))
+        if entry.model is None or not isinstance(section_node, MappingNode):
             continue
         owner: str | None = None
         last: str | None = None
-        for name, node in around.entries.items():
+        for name, node in section_node.entries.items():
             key = model_keys(entry.model).get(name)
             wrong = key is not None and any(fault.path[:2] == (section, name) for fault in faults)
-            if key is None or not wrong or not _is_rather(node.plain(), key[0], entry):
+            if key is None or not wrong or not _is_misplaced(node.plain(), key[0], entry):
                 owner = last = name
                 continue
             if misplaced and last == misplaced[-1].value[-1] and misplaced[-1].path[0] == section:
@@ -184,15 +182,15 @@ def combine_faults(document: Document, root: type[Model], faults: list[Fault]) -
             last = name
     if not misplaced:
         return faults
-    beside = {(one.path[0], name) for one in misplaced for name in one.value}
-    owned = {(one.path[0], one.context["owner"], name) for one in misplaced for name in one.value}
-    owners = {(one.path[0], one.context["owner"]) for one in misplaced}
-    rest = [
+    misplaced_paths = {(combined.path[0], name) for combined in misplaced for name in combined.value}
+    missing_paths = {(combined.path[0], combined.context["owner"], name) for combined in misplaced for name in combined.value}
+    owners = {(combined.path[0], combined.context["owner"]) for combined in misplaced}
+    remaining = [
         fault for fault in faults
-        if fault.path[:2] not in beside and not (fault.kind == "missing" and fault.path in owned)
+        if fault.path[:2] not in misplaced_paths and not (fault.kind == "missing" and fault.path in missing_paths)
         and not (fault.kind == "rule" and fault.path in owners)
     ]
-    return [*rest, *misplaced]
+    return [*remaining, *misplaced]
 
 
 def message_of(fault: Fault, *, toml: bool) -> tuple[str, str]:
@@ -202,19 +200,19 @@ def message_of(fault: Fault, *, toml: bool) -> tuple[str, str]:
     """
     section, owner, names = str(fault.path[0]), fault.context["owner"], [f"`{shorten(name)}`" for name in fault.value]
     several = len(names) > 1
-    shown = ", ".join(names[:-1]) + f" and {names[-1]}" if several else names[0]
-    message = f"{shown} {'are' if several else 'is'} {'written' if toml else 'indented'} like a {section.removesuffix('s')}"
-    it = "them" if several else "it"
+    keys = ", ".join(names[:-1]) + f" and {names[-1]}" if several else names[0]
+    message = f"{keys} {'are' if several else 'is'} {'written' if toml else 'indented'} like a {section.removesuffix('s')}"
+    pronoun = "them" if several else "it"
     if owner is None:
-        return f"{message}, and {'are keys' if several else 'is a key'} of one", f"move {it} inside one of the {section}"
+        return f"{message}, and {'are keys' if several else 'is a key'} of one", f"move {pronoun} inside one of the {section}"
     owner = shorten(owner)
-    help = f"write `[{section}.{owner}.{fault.value[0]}]`" if toml else f"indent {it} further, like the other keys of `{owner}`"
+    help = f"write `[{section}.{owner}.{fault.value[0]}]`" if toml else f"indent {pronoun} further, like the other keys of `{owner}`"
     return f"{message}, and probably {'belong' if several else 'belongs'} to `{owner}`", help
 
 
-def _is_rather(value: Any, key: FieldType, entry: FieldType) -> bool:
+def _is_misplaced(value: Any, key: FieldType, entry: FieldType) -> bool:
     """Return whether a value is more similar to the value of the key `key` than to a whole entry of the section."""
     if not isinstance(value, dict):
         return True
-    known = sum(name in model_keys(entry.model) for name in value) if entry.model is not None else 0
-    return any(likeness(one, value) > known for one in alternatives(key) if one.kind in ("model", "dict"))
+    matching = sum(name in model_keys(entry.model) for name in value) if entry.model is not None else 0
+    return any(likeness(one, value) > matching for one in alternatives(key) if one.kind in ("model", "dict"))

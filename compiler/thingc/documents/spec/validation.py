@@ -44,10 +44,10 @@ def validate(documents: Documents, report: Report, memo: Memo | None = None) -> 
     """
     specs, memo = Specs(), memo or Memo()
     for path, document in documents.by_path.items():
-        place, content, said = ("spec", path), (document.sha256,), len(report.diagnostics)
-        spec, doubts = memo.last(place, content) or _sound(document, report)
-        if len(report.diagnostics) == said:
-            memo.keep(place, content, (spec, doubts))
+        cache_key, content, reported_before = ("spec", path), (document.sha256,), len(report.diagnostics)
+        spec, doubts = memo.last(cache_key, content) or _validate_document(document, report)
+        if len(report.diagnostics) == reported_before:
+            memo.keep(cache_key, content, (spec, doubts))
         if isinstance(spec, (AssemblySpec, CatalogSpec, MaterialsSpec)) and path not in documents.broken:
             specs[path] = spec
             if doubts:
@@ -59,14 +59,14 @@ def validate(documents: Documents, report: Report, memo: Memo | None = None) -> 
 
 def validate_one(document: Document, report: Report) -> Model | None:
     """Validate one document. If the document is invalid, report all errors and return None."""
-    spec, doubts = _sound(document, report)
+    spec, doubts = _validate_document(document, report)
     return None if doubts else spec
 
 
-def _sound(document: Document, report: Report) -> tuple[Model | None, InvalidEntries]:
-    """Validate a document, and report its errors.
+def _validate_document(document: Document, report: Report) -> tuple[Model | None, InvalidEntries]:
+    """Validate a document, and report its errors. Return the model of its valid entries, and the removed entries.
 
-    Return the model with the valid entries (None if no useful entries remain), and the removed entries.
+    The model is None if no useful entries remain.
     """
     model = model_of(document.kind)
     if model is None:
@@ -86,9 +86,9 @@ def _sound(document: Document, report: Report) -> tuple[Model | None, InvalidEnt
             return spec, InvalidEntries()
     except ValidationError as raised:
         error = raised
-    from thingc.documents.spec.validation_errors import sound_rest
+    from thingc.documents.spec.validation_errors import valid_entries
 
-    return sound_rest(document, model, plain, error, empty, damaged, report)
+    return valid_entries(document, model, plain, error, empty, damaged, report)
 
 
 def _build(model: type[Model]) -> None:
@@ -100,15 +100,15 @@ def _build(model: type[Model]) -> None:
     if model.__pydantic_complete__:
         return
     name = "pydantic.plugin._loader"
-    finder, before = ModuleType(name), sys.modules.get(name)
-    finder.__dict__["get_plugins"] = tuple
-    sys.modules[name] = finder
+    stub, original = ModuleType(name), sys.modules.get(name)
+    stub.__dict__["get_plugins"] = tuple
+    sys.modules[name] = stub
     try:
         model.model_rebuild()
     finally:
         del sys.modules[name]
-        if before is not None:
-            sys.modules[name] = before
+        if original is not None:
+            sys.modules[name] = original
 
 
 def part_references(specs: Specs, documents: Documents) -> tuple[tuple[str, Span], ...]:

@@ -24,45 +24,52 @@ from thingc.documents.spec.annotation_types import FieldType, branch_of, model_k
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import decimal_point
 from thingc.documents.spec.invalid_entries import InvalidEntries
-from thingc.documents.spec.pruning import ROUNDS, Fault, prune, take_out
+from thingc.documents.spec.pruning import ROUNDS, Fault, prune, remove_entry
 from thingc.documents.spec.unknown_keys import combine_faults
 from thingc.documents.spec.validation_messages import KINDS, MAX_FAULTS, FaultReporter, format_path
 
 
-def sound_rest(
+def valid_entries(
     document: Document, model: type[Model], plain: dict[str, Any], error: ValidationError | None, empty: Mapping[Path, ScalarNode],
     damaged: frozenset[Path], report: Report,
 ) -> tuple[Model | None, InvalidEntries]:
-    """Report the errors of a document. Return the model with the valid entries (None if no useful entries remain), and the removed entries.
+    """Report the errors of a document. Return the model of its valid entries, and the removed entries.
 
-    `plain` contains the values of the document, from which invalid entries are removed in place, and `error` is the exception of the model.
-    `empty` contains the paths of null values, and `damaged` the paths of errors that `load` has already reported.
+    The model is None if no useful entries remain. `plain` contains the values of the document; invalid entries are removed in place.
+    `error` is the exception that pydantic raised for these values. `empty` maps the paths of null values to their nodes. `damaged` contains
+    the paths of errors that `load` has already reported.
     """
     wrong = _report_empty(document, empty, report)
     faults: list[Fault] = []
     if error is not None:
         faults = combine_faults(document, model, list(_faults(shape_of(model), plain, (), error)))
-        FaultReporter(document=document, root=model, report=report, empty=wrong, damaged=damaged).say(faults)
+        FaultReporter(document=document, root=model, report=report, empty=wrong, damaged=damaged).report_all(faults)
     if document.kind == "workspace":
         return None, InvalidEntries()
-    return _rest(model, plain, faults, wrong | damaged)
+    return _validate(model, plain, faults, wrong | damaged)
 
 
-def _rest(model: type[Model], plain: dict[str, Any], faults: list[Fault], wrong: frozenset[Path]) -> tuple[Model | None, InvalidEntries]:
-    """Return the model of a document without invalid entries and without the values at the paths `wrong`, and the removed entries."""
-    doubts: set[Path] = set()
+def _validate(
+    model: type[Model], plain: dict[str, Any], faults: list[Fault], wrong: frozenset[Path],
+) -> tuple[Model | None, InvalidEntries]:
+    """Remove all invalid entries from a document. Return the model of the remaining document, and the removed entries.
+
+    `plain` contains the values of the document and is modified in place. In addition to the entries with `faults`, the values at the paths
+    `wrong` are removed. The model is None if the remaining document is still invalid.
+    """
+    removed_paths: set[Path] = set()
     pruned = prune(plain, faults)
     for path in wrong:
-        taken = take_out(plain, path)
-        if pruned is None or taken is None:
+        removed = remove_entry(plain, path)
+        if pruned is None or removed is None:
             return None, InvalidEntries()
-        pruned.add(taken)
+        pruned.add(removed)
     for _ in range(ROUNDS):
         if pruned is None:
             break
-        doubts |= pruned
+        removed_paths |= pruned
         try:
-            return model.model_validate(plain, strict=True), InvalidEntries(paths=frozenset(doubts))
+            return model.model_validate(plain, strict=True), InvalidEntries(paths=frozenset(removed_paths))
         except ValidationError as error:
             pruned = prune(plain, list(_faults(shape_of(model), plain, (), error)))
     return None, InvalidEntries()
@@ -76,28 +83,28 @@ def _report_empty(document: Document, empty: Mapping[Path, ScalarNode], report: 
     paths: set[Path] = set()
     for path, node in empty.items():
         paths.add(path)
-        named = next((f"`{shorten(step)}`" for step in reversed(path) if isinstance(step, str)), "the document")
+        owner = next((f"`{shorten(step)}`" for step in reversed(path) if isinstance(step, str)), "the document")
         help: Hint = "write a value after the colon, indent the lines that belong to the key, or remove the key"
         key = document.span(path, key=True)
-        behind = document.line(key.end_line)[key.end_column - 1 :]
-        comment = re.match(r":?\s+(#[0-9a-fA-F]{3,8})\b", behind)
+        after_key = document.line(key.end_line)[key.end_column - 1 :]
+        comment = re.match(r":?\s+(#[0-9a-fA-F]{3,8})\b", after_key)
         if comment is not None:
             help = f'a `#` starts a comment: write `"{comment.group(1)}"`'
-        elif re.match(r"\s*[,}]", behind):
+        elif re.match(r"\s*[,}]", after_key):
             help = "inside braces, a comma ends a value: quote a string that contains a comma"
-        message = f"an item of {named} has no value" if path and isinstance(path[-1], int) else f"{named} has no value"
-        where = document.span(path, key=True) if node.text == "" else node.span
-        code, cut = Code.NO_VALUE, _decimal_comma(document, path)
-        if cut is not None:
-            paths.add(cut[0])
-            code, message, where, help = Code.BAD_QUANTITY, _COMMA, cut[1], cut[2]
+        message = f"an item of {owner} has no value" if path and isinstance(path[-1], int) else f"{owner} has no value"
+        span = document.span(path, key=True) if node.text == "" else node.span
+        code, decimal_comma = Code.NO_VALUE, _decimal_comma(document, path)
+        if decimal_comma is not None:
+            paths.add(decimal_comma[0])
+            code, message, span, help = Code.BAD_QUANTITY, _DECIMAL_COMMA, decimal_comma[1], decimal_comma[2]
         if len(paths) > MAX_FAULTS:
             continue
-        report.add(code, message, where, help=help, path=format_path(path))
+        report.add(code, message, span, help=help, path=format_path(path))
     return frozenset(paths)
 
 
-_COMMA = "use a decimal point, not a comma"
+_DECIMAL_COMMA = "use a decimal point, not a comma"
 
 
 def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, Suggestion] | None:
@@ -115,8 +122,8 @@ def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, Suggesti
         return None
     if (before.span.end_line, before.span.end_column + 1) != (key.line, key.column):
         return None
-    where = replace(before.span, end_line=key.end_line, end_column=key.end_column)
-    return (*path[:-1], keys[keys.index(path[-1]) - 1]), where, decimal_point(f"{before.text},{path[-1]}", before.text, path[-1])
+    span = replace(before.span, end_line=key.end_line, end_column=key.end_column)
+    return (*path[:-1], keys[keys.index(path[-1]) - 1]), span, decimal_point(f"{before.text},{path[-1]}", before.text, path[-1])
 
 
 def _faults(shape: FieldType, value: Any, path: Path, error: ValidationError) -> Iterator[Fault]:
@@ -126,24 +133,24 @@ def _faults(shape: FieldType, value: Any, path: Path, error: ValidationError) ->
     """
     unions: set[Path] = set()
     for entry in error.errors(include_url=False):
-        steps, there, key, union = _follow(shape, entry["loc"], entry["type"])
+        steps, inner_shape, key, union = _document_path(shape, entry["loc"], entry["type"])
         if union:
             if steps not in unions:
                 unions.add(steps)
-                yield from _union_faults(there, _value_at(value, steps), (*path, *steps))
+                yield from _union_faults(inner_shape, _value_at(value, steps), (*path, *steps))
             continue
         context = dict(entry.get("ctx", {}))
         if entry["type"] not in KINDS:
             context.setdefault("message", entry["msg"])
-        for kind, one in _each(entry["type"], context):
-            yield Fault(path=(*path, *steps), kind=kind, context=one, value=entry["input"], shape=there, key=key)
+        for kind, error_context in _split_errors(entry["type"], context):
+            yield Fault(path=(*path, *steps), kind=kind, context=error_context, value=entry["input"], shape=inner_shape, key=key)
 
 
-def _each(kind: str, context: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the type and the context of a validation error from `spec.fields`, and of all further errors in its context."""
-    others: list[PydanticCustomError] = context.pop("others", [])
+def _split_errors(kind: str, context: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the type and the context of a validation error from `spec.fields`, and then of each error in `others` of this context."""
+    other_errors: list[PydanticCustomError] = context.pop("others", [])
     yield kind, context
-    for other in others:
+    for other in other_errors:
         yield other.type, dict(other.context or {})
 
 
@@ -157,7 +164,7 @@ def _union_faults(shape: FieldType, value: Any, path: Path) -> Iterator[Fault]:
         try:
             branch.field.validate(value)
         except PydanticCustomError as fault:
-            for kind, context in _each(fault.type, dict(fault.context or {})):
+            for kind, context in _split_errors(fault.type, dict(fault.context or {})):
                 yield Fault(path=path, kind=kind, context=context, value=value, shape=branch)
     else:
         from pydantic import TypeAdapter
@@ -168,7 +175,7 @@ def _union_faults(shape: FieldType, value: Any, path: Path) -> Iterator[Fault]:
             yield from _faults(branch, value, path, error)
 
 
-def _follow(shape: FieldType, location: tuple[int | str, ...], kind: str) -> tuple[Path, FieldType, bool, bool]:
+def _document_path(shape: FieldType, location: tuple[int | str, ...], kind: str) -> tuple[Path, FieldType, bool, bool]:
     """Convert the location of a pydantic error to a path in the document.
 
     Return the path, the type at this path, whether the error is about the key, and whether the search stopped at a union.
@@ -180,10 +187,10 @@ def _follow(shape: FieldType, location: tuple[int | str, ...], kind: str) -> tup
         if shape.kind == "model":
             assert shape.model is not None
             path.append(step)
-            known = model_keys(shape.model).get(str(step))
-            if known is None or (kind == "missing" and index == len(location) - 1):
+            field = model_keys(shape.model).get(str(step))
+            if field is None or (kind == "missing" and index == len(location) - 1):
                 return tuple(path), shape, kind == "extra_forbidden", False
-            shape = known[0]
+            shape = field[0]
         elif shape.kind in ("dict", "list"):
             if step == "[key]" and index == len(location) - 1 and path:
                 return tuple(path), shape, True, False

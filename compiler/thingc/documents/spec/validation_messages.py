@@ -17,11 +17,11 @@ from thingc.base.units import shorten
 from thingc.documents.spec.annotation_types import FieldType, alternatives, format_choice, model_keys, one_of
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import describe, read_value
-from thingc.documents.spec.foreign_keywords import choice_hint, written_whole
+from thingc.documents.spec.foreign_keywords import choice_hint, mapping_text
 from thingc.documents.spec.pruning import MISPLACED, Fault
 from thingc.documents.spec.settable_values import dimension_at
 from thingc.documents.spec.unknown_keys import UnknownKey
-from thingc.documents.spec.unknown_keys import message_of as misplaced
+from thingc.documents.spec.unknown_keys import message_of as misplaced_message
 
 MAX_FAULTS = 200
 """Maximum number of errors reported for one document."""
@@ -37,8 +37,8 @@ KINDS: dict[str, Code] = {
 class FaultReporter(FrozenStruct, eq=False):
     """Reports the validation errors of a document. `root` is the model of the document.
 
-    `empty` contains the paths of keys without a value, which have already been reported. `damaged` contains the paths of placeholders for
-    invalid values, and of mappings with an invalid key that may be a misspelling of a missing key.
+    `empty` contains the paths of keys without a value, which have already been reported. `damaged` contains the paths at which `load` has
+    already reported an error: invalid values that were replaced by a placeholder, and mappings with an invalid key.
     """
 
     document: Document
@@ -47,20 +47,20 @@ class FaultReporter(FrozenStruct, eq=False):
     empty: frozenset[Path]
     damaged: frozenset[Path]
 
-    def say(self, faults: list[Fault]) -> None:
+    def report_all(self, faults: list[Fault]) -> None:
         """Report all validation errors, in the order of the document."""
         unknown = {fault.path: UnknownKey(self.document, self.root, fault) for fault in faults if fault.kind == "extra_forbidden"}
-        meant = {(*path[:-1], one.instead) for path, one in unknown.items() if one.instead is not None}
+        intended = {(*path[:-1], unknown_key.intended) for path, unknown_key in unknown.items() if unknown_key.intended is not None}
         parents = {path[:-1] for path in self.empty}
-        before = len(self.report.diagnostics)
+        reported_before = len(self.report.diagnostics)
         for fault in faults:
-            if fault.path in self.empty or self._stands_in(fault.path) or (fault.kind == "missing" and fault.path in meant):
+            if fault.path in self.empty or self._is_placeholder(fault.path) or (fault.kind == "missing" and fault.path in intended):
                 continue
             if fault.kind == "rule" and (fault.path in parents or fault.path in self.damaged):
                 continue
             if (fault.kind == "missing" and fault.path[:-1] in self.damaged) or (fault.kind == "too_short" and fault.path in self.damaged):
                 continue
-            if len(self.report.diagnostics) - before >= MAX_FAULTS:
+            if len(self.report.diagnostics) - reported_before >= MAX_FAULTS:
                 message = f"more than {MAX_FAULTS} errors in one document; further errors are not shown"
                 self._add(Code.TOO_LARGE, message, self._place(fault.path), fault.path, None)
                 return
@@ -68,30 +68,30 @@ class FaultReporter(FrozenStruct, eq=False):
                 message = f"unknown key `{shorten(str(fault.path[-1]))}`{_inside(fault.path[:-1])}"
                 self._add(Code.UNKNOWN_KEY, message, self._place(fault.path, key=True), fault.path, unknown[fault.path].help)
             else:
-                self._one(fault)
+                self._report_fault(fault)
 
-    def _stands_in(self, path: Path) -> bool:
-        """Return whether the value at a path, or an item of a vector at this path, is a placeholder for an invalid value."""
-        inside = (place for place in self.damaged if place[: len(path)] == path)
-        return any(isinstance(node_at(self.document.tree, place), ScalarNode) for place in inside)
+    def _is_placeholder(self, path: Path) -> bool:
+        """Return whether the value at a path contains a placeholder for an invalid value, or is one."""
+        damaged_paths = (damaged_path for damaged_path in self.damaged if damaged_path[: len(path)] == path)
+        return any(isinstance(node_at(self.document.tree, damaged_path), ScalarNode) for damaged_path in damaged_paths)
 
-    def _one(self, fault: Fault) -> None:
+    def _report_fault(self, fault: Fault) -> None:
         if fault.kind == "missing":
             self._missing_key(fault)
         elif fault.kind == MISPLACED:
-            message, help = misplaced(fault, toml=self.document.path.endswith(".toml"))
+            message, help = misplaced_message(fault, toml=self.document.path.endswith(".toml"))
             self._add(Code.UNKNOWN_KEY, message, self._place(fault.path, key=True), fault.path, help)
         elif fault.kind == "literal_error":
             self._unknown_choice(fault)
         elif fault.kind in ("too_short", "too_long"):
             self._wrong_length(fault)
         elif fault.kind in KINDS and "message" in fault.context:
-            self._report_stated(fault)
+            self._report_with_message(fault)
         else:
             self._wrong_type(fault)
 
-    def _add(self, code: Code, message: Hint, where: Span, path: Path, help: Hint | None) -> None:
-        self.report.add(code, message, where, help=help or None, path=format_path(path) or None)
+    def _add(self, code: Code, message: Hint, span: Span, path: Path, help: Hint | None) -> None:
+        self.report.add(code, message, span, help=help or None, path=format_path(path) or None)
 
     def _place(self, path: Path, *, key: bool = False) -> Span:
         """Return the span of the value at a path in the document.
@@ -100,8 +100,8 @@ class FaultReporter(FrozenStruct, eq=False):
         """
         node = node_at(self.document.tree, path)
         if node is None or not path:
-            first = next(iter(self.document.tree.keys.values()), self.document.tree.span)
-            return self.document.span(path, key=True) if path else first
+            start = next(iter(self.document.tree.keys.values()), self.document.tree.span)
+            return self.document.span(path, key=True) if path else start
         long = node.span.line != node.span.end_line and not isinstance(node, ScalarNode)
         return self.document.span(path, key=key or (long and isinstance(path[-1], str)))
 
@@ -109,7 +109,7 @@ class FaultReporter(FrozenStruct, eq=False):
         key, parent = str(fault.path[-1]), fault.path[:-1]
         owner = f"`{format_path(parent)}`" if parent else "the document"
         assert fault.shape.model is not None
-        help = f"add the key `{key}`, whose value is {model_keys(fault.shape.model)[key][0].words}"
+        help = f"add the key `{key}`, whose value is {model_keys(fault.shape.model)[key][0].description}"
         by_default = ("defaults", str(parent[0])[:-1], *parent[2:]) if parent and parent[0] in ("joints", "components") else ()
         if by_default and node_at(self.document.tree, (*by_default, key)) is not None:
             help += f"; the value of {owner} replaces `{format_path(by_default)}` completely: add all required keys here"
@@ -127,28 +127,28 @@ class FaultReporter(FrozenStruct, eq=False):
         if isinstance(fault.value, dict):
             message = f"`{format_path(fault.path)}` is empty; at least one entry is required"
         else:
-            least, most = fault.context.get("min_length"), fault.context.get("max_length")
-            count = most if least is None else least
-            wanted = "a list with at least one item" if least == 1 and most is None else f"a list of {count} items"
-            message = f"expected {wanted}, found {describe(fault.value)}"
+            minimum, maximum = fault.context.get("min_length"), fault.context.get("max_length")
+            count = maximum if minimum is None else minimum
+            expected = "a list with at least one item" if minimum == 1 and maximum is None else f"a list of {count} items"
+            message = f"expected {expected}, found {describe(fault.value)}"
         self._add(Code.WRONG_LENGTH, message, self._place(fault.path), fault.path, None)
 
-    def _report_stated(self, fault: Fault) -> None:
-        """Report an error whose message was created by a field or by a rule of a model."""
+    def _report_with_message(self, fault: Fault) -> None:
+        """Report an error that already contains its message, from a field type or from a rule of a document model."""
         path = (*fault.path, *fault.context.get("path", ()))
         if fault.kind == "unit":
-            fault = self._of_its_joint(fault)
-        where = self._place(path, key=fault.key or fault.kind == "rule")
+            fault = self._with_joint_dimension(fault)
+        span = self._place(path, key=fault.key or fault.kind == "rule")
         offset = fault.context.get("offset")
         if offset is not None and not fault.key:
-            where = within(self.document, path, int(offset), int(fault.context["end"])) or where
+            span = span_within(self.document, path, int(offset), int(fault.context["end"])) or span
         help = fault.context.get("help")
         if fault.kind in ("type", "quantity") and not help:
             help = _space_hint(fault.value) or _unwrapped_hint(path, fault)
-        self._add(KINDS[fault.kind], fault.context["message"], where, path, help)
+        self._add(KINDS[fault.kind], fault.context["message"], span, path, help)
 
-    def _of_its_joint(self, fault: Fault) -> Fault:
-        """Add the physical dimension that the type of the joint requires to an error about a missing unit."""
+    def _with_joint_dimension(self, fault: Fault) -> Fault:
+        """Return a more exact error about a missing unit: the type of the joint determines whether an angle or a length is expected."""
         dimension = dimension_at(self.document, fault.path)
         if dimension is not None:
             try:
@@ -178,7 +178,7 @@ class FaultReporter(FrozenStruct, eq=False):
             help = f"write `[{axis or shorten(', '.join(value.split()) if numbers else value)}]`"
         elif help is None and isinstance(value, bool):
             help = choice_hint(format_choice(value), [format_choice(choice) for one in alternatives(shape) for choice in one.choices])
-        self._add(Code.WRONG_TYPE, f"expected {shape.words}, found {describe(value)}", self._place(fault.path), fault.path, help)
+        self._add(Code.WRONG_TYPE, f"expected {shape.description}, found {describe(value)}", self._place(fault.path), fault.path, help)
 
 
 _AXES = {"x": "1, 0, 0", "y": "0, 1, 0", "z": "0, 0, 1", "-x": "-1, 0, 0", "-y": "0, -1, 0", "-z": "0, 0, -1"}
@@ -205,31 +205,31 @@ def _mapping_hint(document: Document, path: Path, value: Any, shape: FieldType) 
     if path[:-1] == ("poses",) and all(texts) and texts:
         return f"a pose sets positions of joints: `{{JOINT: {shorten(texts[0])}}}`"
     for branch in alternatives(shape):
-        whole = written_whole(branch.model, texts, value) if branch.model is not None else None
-        if whole is not None:
-            return f"write `{whole}`"
+        long_form = mapping_text(branch.model, texts, value) if branch.model is not None else None
+        if long_form is not None:
+            return f"write `{long_form}`"
     if isinstance(node, SequenceNode) and any(one.kind == "dict" for one in alternatives(shape)):
-        first: Mapping[str, Node] = node.items[0].entries if node.items and isinstance(node.items[0], MappingNode) else {}
-        named, key = first.get("name"), next(iter(first), "")
-        if isinstance(named, ScalarNode):
-            return f"write `{shorten(named.text)}:` instead of `- name: {shorten(named.text)}`, with its other keys below it"
-        if len(first) == 1:
+        entries: Mapping[str, Node] = node.items[0].entries if node.items and isinstance(node.items[0], MappingNode) else {}
+        name_node, key = entries.get("name"), next(iter(entries), "")
+        if isinstance(name_node, ScalarNode):
+            return f"write `{shorten(name_node.text)}:` instead of `- name: {shorten(name_node.text)}`, with its other keys below it"
+        if len(entries) == 1:
             return f"remove the `-` of every item: write `{shorten(key)}:` instead of `- {shorten(key)}:`"
         return f"write `{path[-1]}: {{NAME: ...}}`: the key of each entry is its name"
     return None
 
 
 def _unwrapped_hint(path: Path, fault: Fault) -> str | None:
-    """Return a hint for a mapping that was written where only the single value in it is expected."""
+    """Return a hint for a mapping with one string, in a place where only the string is expected. Otherwise, return None."""
     if not isinstance(fault.value, dict) or len(path) != len(fault.path) or fault.shape.field is None:
         return None
     if path[:1] == ("links",):
         return "`links` only names the link of a component, such as `base_link: plate`; set mass and geometry on components"
-    inside = [one for one in fault.value.values() if isinstance(one, str)]
-    if len(fault.value) != 1 or not inside:
+    strings = [one for one in fault.value.values() if isinstance(one, str)]
+    if len(fault.value) != 1 or not strings:
         return None
-    mount = ".MOUNT" if fault.shape.field.words == "a reference" and inside[0].isidentifier() else ""
-    return f"write `{shorten(inside[0])}{mount}`"
+    mount = ".MOUNT" if fault.shape.field.description == "a reference" and strings[0].isidentifier() else ""
+    return f"write `{shorten(strings[0])}{mount}`"
 
 
 def _space_hint(value: Any) -> str | None:
@@ -246,7 +246,7 @@ def format_path(path: Path) -> str:
     return text
 
 
-def within(document: Document, path: Path, offset: int, end: int) -> Span | None:
+def span_within(document: Document, path: Path, offset: int, end: int) -> Span | None:
     """Return the span of the characters from `offset` to `end` (exclusive) in the scalar at `path`.
 
     Return None if the scalar is on several lines or contains escapes, so that the span cannot be determined.
@@ -254,8 +254,8 @@ def within(document: Document, path: Path, offset: int, end: int) -> Span | None
     node = node_at(document.tree, path)
     if not isinstance(node, ScalarNode) or node.span.line != node.span.end_line or node.span.file != document.path:
         return None
-    written = document.line(node.span.line)[node.span.column - 1 : node.span.end_column - 1]
-    begin = written.find(node.text)
+    source_text = document.line(node.span.line)[node.span.column - 1 : node.span.end_column - 1]
+    begin = source_text.find(node.text)
     if begin < 0 or not node.text:
         return None
     column = node.span.column + begin

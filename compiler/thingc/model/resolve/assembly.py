@@ -11,7 +11,7 @@ from thingc.base.diagnostics import Code, make_notes
 from thingc.base.joints.kinds import coordinates_of
 from thingc.base.source import Path
 from thingc.base.suggestions import did_you_mean
-from thingc.documents.expressions.evaluation import ExpressionValue, words_of
+from thingc.documents.expressions.evaluation import ExpressionValue, format_value
 from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS, Expression
 from thingc.documents.spec.assembly import AssemblySpec, DetailSpec
 from thingc.geometry.record import definition_label, definition_text
@@ -76,7 +76,7 @@ def resolve_assembly(
     named = (spec.name, dict(parameters), dict(canonical(declared.values)))
     table = DocumentScope(
         document=document, spec=spec, scope=scope, parameters=parameters, text=definition_text(*named),
-        label=definition_label(*named, {name: words_of(value) for name, value in values.items()}), choices=choices,
+        label=definition_label(*named, {name: format_value(value) for name, value in values.items()}), choices=choices,
     )
     context.tables[key] = table
     _fill(context, table, top=top)

@@ -14,7 +14,7 @@ from thingc.base.source import ScalarNode, node_at
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import shorten
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT, resolve_path
-from thingc.documents.spec.assembly import UNIT_OF_ITS_OWN, AssemblySpec, ComponentDefaults, ComponentSpec, DefaultsSpec
+from thingc.documents.spec.assembly import FILE_SPECIFIES_UNIT, AssemblySpec, ComponentDefaults, ComponentSpec, DefaultsSpec
 from thingc.documents.spec.settable_values import DEFAULT_MATERIAL, EXAMPLES, KEYS, VALUES, ChoicePath, is_value, parse, split_nested
 from thingc.geometry.record import PartFailure
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun
@@ -150,7 +150,7 @@ def apply_choices(context: ResolveRun, table: DocumentScope, item: Unrolled[Comp
             continue
         if key == "file" and spec.unit is not None and text.lower().endswith(SUFFIXES_WITH_UNIT):
             said = f"`{shorten(text)}` specifies its own unit, but component `{label}` has `unit: {spec.unit}`"
-            context.report_option_error(path, said, UNIT_OF_ITS_OWN)
+            context.report_option_error(path, said, FILE_SPECIFIES_UNIT)
             continue
         taken[key] = text
     inside = below(table.choices, *names)

@@ -11,7 +11,7 @@ from thingc.base.graphs import MAX_CYCLE, format_cycle
 from thingc.base.source import Document, Path
 from thingc.base.suggestions import Hint, did_you_mean
 from thingc.base.units import NUMBER, Quantity, UnitError, parse_quantity, shorten
-from thingc.documents.expressions.evaluation import ExpressionValue, kind_of, plain, words_of
+from thingc.documents.expressions.evaluation import ExpressionValue, format_value, kind_of, plain
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.load.documents import Documents
@@ -205,7 +205,7 @@ def _report_wrong_type(
         complain(name, Code.DIMENSION, message, help=help, notes=notes)
     else:
         expected = "`true` or `false`" if isinstance(declared, bool) else "a string"
-        complain(name, Code.VALUE_KIND, f"{label} must be {expected}, found {kind_of(value)} (`{shorten(words_of(value))}`)", notes=notes)
+        complain(name, Code.VALUE_KIND, f"{label} must be {expected}, found {kind_of(value)} (`{shorten(format_value(value))}`)", notes=notes)
 
 
 def _bounds(scope: Scope, spec: AssemblySpec, name: str) -> dict[str, Quantity]:

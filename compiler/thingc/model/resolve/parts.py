@@ -12,7 +12,7 @@ from thingc.base.safe_text import quote_names
 from thingc.base.source import Path, Span, line_of
 from thingc.base.suggestions import Hint, did_you_mean, near_hint, nearest
 from thingc.base.units import NUMBER, Quantity, shorten
-from thingc.documents.expressions.evaluation import ExpressionValue, kind_of, words_of
+from thingc.documents.expressions.evaluation import ExpressionValue, format_value, kind_of
 from thingc.documents.load.paths import PART_SUFFIXES, resolve_path
 from thingc.documents.workspace import DEFAULT_PARTS
 from thingc.geometry.record import (
@@ -158,8 +158,8 @@ def _choice(scope: Scope, schema: PartSchema, parameter: ParameterSchema, value:
                 return choice
         elif isinstance(value, Quantity) and value.dimension == NUMBER and value.value == choice:
             return choice
-    choices = [words_of(choice) if isinstance(choice, (bool, str)) else f"{choice:g}" for choice in parameter.choices]
-    text = shorten(source or words_of(value))
+    choices = [format_value(choice) if isinstance(choice, (bool, str)) else f"{choice:g}" for choice in parameter.choices]
+    text = shorten(source or format_value(value))
     help = did_you_mean(text, choices, what="choices") if nearest(text, choices) is not None else None
     scope.error(
         Code.VALUE_KIND, f"{subject} must be one of {quote_names(choices, 12)}, found `{text}`", path, help=help,

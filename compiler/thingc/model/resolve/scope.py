@@ -17,7 +17,7 @@ from thingc.base.primitives import FARTHEST
 from thingc.base.source import Document, Origin, Path, ScalarNode, Span, format_path, node_at, walk
 from thingc.base.suggestions import Hint
 from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity, shorten, suggested_units
-from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, kind_of, words_of
+from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, format_value, kind_of
 from thingc.documents.expressions.parsing import expression_hint
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.spec.assembly import TurnSpec
@@ -244,8 +244,8 @@ class Scope(FrozenStruct):
 
     def format_value(self, value: ExpressionValue, path: Path) -> str:
         """Format a value for messages: the source text in backticks and, for an expression, its result."""
-        text = (self.source_text(path) or words_of(value)).strip()
-        return f"`{shorten(text)}`, which is {words_of(value)}" if text.startswith("=") else f"`{shorten(text)}`"
+        text = (self.source_text(path) or format_value(value)).strip()
+        return f"`{shorten(text)}`, which is {format_value(value)}" if text.startswith("=") else f"`{shorten(text)}`"
 
     def wrong_dimension(
         self, value: ExpressionValue, expected: tuple[Dimension, ...], subject: str, path: Path, notes: Iterable[Note] = (),
@@ -266,7 +266,7 @@ def dimension_message(
     `subject` is the name of the value in messages, `source` is its source text, and `names` contains the names that expressions can use.
     """
     requirement = " or ".join(f"{dimension.words} (such as {dimension.example})" for dimension in expected)
-    text = shorten((source if source is not None else words_of(value)).strip())
+    text = shorten((source if source is not None else format_value(value)).strip())
     help: Hint | None = expression_hint(value, names) if isinstance(value, str) else None
     if isinstance(value, str) and help is not None and text.startswith("="):
         help = f"`{shorten(value)}` is a string here; an expression begins with `=`: `={shorten(value)}`"

@@ -25,7 +25,7 @@ from thingc.documents.load.yaml_scalars import core_value
 from thingc.documents.load.yaml_tree import is_flow, read_flow
 from thingc.documents.spec.annotation_types import FieldType, alternatives, model_keys, shape_of
 from thingc.documents.spec.assembly import AssemblySpec
-from thingc.documents.spec.settable_values import in_full
+from thingc.documents.spec.settable_values import expand_short_form
 from thingc.documents.spec.validation import validate_one
 from thingc.model.resolve.document_scope import ResolveRun
 
@@ -56,7 +56,7 @@ def substitute(context: ResolveRun, document: Document, spec: AssemblySpec, valu
     for path, text in values.items():
         keys = tuple(path.split("."))
         place = option_span(context.from_top(path), shorten(text))
-        if (inner := in_full(tree, keys)) is not None:
+        if (inner := expand_short_form(tree, keys)) is not None:
             tree = _with_leaf(tree, *inner)
         known = context.quantities.get(context.from_top(path))
         read = _astray(document, tree, keys, text, context.from_top) or (

@@ -31,7 +31,7 @@ from thingc.base.joints.kinds import JointType
 from thingc.base.memo import Memo
 from thingc.base.replacement import Change, provisional
 from thingc.base.source import Document
-from thingc.documents.format.formatting import format_document, is_laid_out
+from thingc.documents.format.formatting import format_document, is_formatted
 from thingc.documents.format.value_edits import CannotSetValue, remove_value, set_values
 from thingc.documents.load.documents import Documents, read_tree, remember
 from thingc.driver.edit_document import check_document, document_change, load_documents
@@ -166,7 +166,7 @@ def _with_addition(root: Document, addition: DocumentEdit) -> Document:
         document = set_values(document, addition.values)
     except CannotSetValue as fault:
         raise console.WrongCommandLine(str(fault), "edit the document by hand") from fault
-    laid_out = format_document(document.path, document.text.encode(), Report(), tree=document.tree) if is_laid_out(root) else None
+    laid_out = format_document(document.path, document.text.encode(), Report(), tree=document.tree) if is_formatted(root) else None
     if laid_out is None or laid_out == document.text.encode():
         return document
     tree = read_tree(document.path, laid_out, Report())

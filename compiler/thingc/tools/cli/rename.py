@@ -21,7 +21,7 @@ from thingc.base.source import entries_of, node_at
 from thingc.base.suggestions import did_you_mean
 from thingc.documents.names.part_names import Name
 from thingc.documents.names.rename import RenameRefused, rename_edits
-from thingc.documents.names.workspace_index import WorkspaceIndex, index_workspace, on_disk
+from thingc.documents.names.workspace_index import WorkspaceIndex, index_workspace, read_from_disk
 from thingc.documents.workspace import Workspace
 from thingc.tools.cli import console, signals
 
@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     workspace = Workspace.find(os.path.abspath(arguments.document), report)
     if workspace is None:
         return console.print_text(report.sorted_diagnostics(), stream=sys.stdout, debug=False)
-    sight = index_workspace(workspace, {}, disk=cache(on_disk))  # read each file only once
+    sight = index_workspace(workspace, {}, disk=cache(read_from_disk))  # read each file only once
     declared = _find_name(sight, arguments.document, arguments.path)
     try:
         result = rename_edits(sight, declared, arguments.name)

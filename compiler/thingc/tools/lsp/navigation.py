@@ -12,10 +12,10 @@ from typing import Any
 from thingc.base.diagnostics import Report
 from thingc.base.source import MappingNode, Node, ScalarNode, SequenceNode, Span, line_of
 from thingc.documents.expressions.parsing import parse_expression
-from thingc.documents.expressions.terms import ExpressionError, words_in
+from thingc.documents.expressions.terms import ExpressionError, find_tokens
 from thingc.documents.names.document_names import DocumentNames
 from thingc.documents.names.part_names import NamePlace
-from thingc.documents.names.rename import RenameRefused, renamable, rename_edits
+from thingc.documents.names.rename import RenameRefused, check_renamable, rename_edits
 from thingc.documents.names.workspace_index import WorkspaceIndex, index_workspace
 from thingc.documents.spec.name_types import RefersTo
 from thingc.documents.workspace import Workspace
@@ -158,7 +158,7 @@ def workspace_symbols(analysis: Analysis, text: str, place: TextPlace, params: A
             located = names.locations([one.span])
             container = one.name.owner or os.path.basename(one.name.file)
             symbols += [
-                {"name": one.name.text, "kind": _KINDS[one.name.what], "location": there, "containerName": container} for there in located
+                {"name": one.name.text, "kind": _KINDS[one.name.kind], "location": there, "containerName": container} for there in located
             ]
     return symbols
 
@@ -252,7 +252,7 @@ def tokens(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
 
 def _words(text: str, dotted: bool, parameters: Mapping[str, Node]) -> Iterator[tuple[int, int, str]]:
     try:
-        words = list(words_in(parse_expression(text, dotted=dotted)))
+        words = list(find_tokens(parse_expression(text, dotted=dotted)))
     except ExpressionError:
         return
     for start, end, kind in words:
