@@ -26,7 +26,7 @@ from thingc.documents.spec.validation import validate_one
 from thingc.documents.spec.variants import AxisSpec, Method, VariantsSpec
 from thingc.documents.workspace import Workspace
 from thingc.driver import pipeline
-from thingc.driver.environment import Environment, Lend, Options
+from thingc.driver.environment import Environment, Options, PartsProvider
 from thingc.geometry.record import PartDefinition
 from thingc.model.resolve.parameters import AssemblyParameters
 from thingc.model.resolve.resolver import Settings, Sources
@@ -78,7 +78,7 @@ def plan(document: str, *, options: Options | None = None) -> Plan:
     return planned
 
 
-def read_plan(path: str, options: Options, report: Report, lend: Lend | None = None) -> Plan | None:
+def read_plan(path: str, options: Options, report: Report, lend: PartsProvider | None = None) -> Plan | None:
     """Read the `variants/1` document at `path`, and return the plan of its variants.
 
     If the document has errors, add the errors to `report` and return None. `lend` returns a service that builds parts; see `Environment`.

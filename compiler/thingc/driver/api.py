@@ -165,20 +165,20 @@ def compile(
         CompileError: The document has errors. The exception contains all diagnostics.
         UnknownChoice: A mode or a program does not exist.
     """
-    given = {**(parameters or {}), **(choices or {})}
-    others = {name: value for name, value in given.items() if not isinstance(value, str)}
-    known = None if compat is None else pipeline.chosen_consumers(compat)
-    texts = [{name: value for name, value in (one or {}).items() if isinstance(value, str)} for one in (parameters, choices)]
-    options = Options(parameters=texts[0], choices=texts[1], store=store, jobs=jobs, printed=printed, compat=known)
-    return with_environment(document, options, partial(_compile, others=others, modes=modes, strict=strict))
+    settings = {**(parameters or {}), **(choices or {})}
+    values = {name: value for name, value in settings.items() if not isinstance(value, str)}
+    consumers = None if compat is None else pipeline.chosen_consumers(compat)
+    texts = [{name: value for name, value in (mapping or {}).items() if isinstance(value, str)} for mapping in (parameters, choices)]
+    options = Options(parameters=texts[0], choices=texts[1], store=store, jobs=jobs, printed=printed, compat=consumers)
+    return with_environment(document, options, partial(_compile, others=values, modes=modes, strict=strict))
 
 
-def _compile(environment: Environment, others: Mapping[str, float], modes: Sequence[str], strict: bool) -> Compiled:
+def _compile(environment: Environment, values: Mapping[str, float], modes: Sequence[str], strict: bool) -> Compiled:
     settings = None
-    if others:
+    if values:
         from thingc.driver.settings import settings_with
 
-        settings = partial(settings_with, pipeline.settings_of(environment.options), others, environment.report)
+        settings = partial(settings_with, pipeline.settings_of(environment.options), values, environment.report)
     compilation = pipeline.compile(environment, modes, settings=settings)
     _stop_on_errors(compilation.report, strict)
     artifacts = pipeline.build(environment, compilation, ["mjcf"])["mjcf"]
@@ -195,6 +195,6 @@ def _compile(environment: Environment, others: Mapping[str, float], modes: Seque
 
 
 def _stop_on_errors(report: Report, strict: bool) -> None:
-    judged = report.apply_strict(strict=strict)
-    if judged.failed:
-        raise CompileError(judged.sorted_diagnostics())
+    checked = report.apply_strict(strict=strict)
+    if checked.failed:
+        raise CompileError(checked.sorted_diagnostics())

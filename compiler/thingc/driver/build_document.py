@@ -53,51 +53,51 @@ class BuildResult(FrozenStruct):
     twice: int = 0
 
 
-def build(environment: Environment, wish: BuildRequest) -> BuildResult:
+def build(environment: Environment, request: BuildRequest) -> BuildResult:
     """Compile a document and create the contents of all files, without writing the build folder.
 
     Raises `UnknownChoice` for an unknown mode or target, and `BlobMissing` if the store is damaged.
     """
-    compilation = pipeline.compile(environment, wish.modes)
-    report, built = compilation.report, BuildResult(compilation=compilation)
-    if wish.twice and not report.apply_strict(strict=wish.strict).failed:
-        built = replace(built, twice=_model_again(environment, compilation))
-    if not report.apply_strict(strict=wish.strict).failed:
-        built = _with_files(environment, built, wish)
-    judged = report.apply_strict(strict=wish.strict)
-    return replace(built, diagnostics=tuple(judged.sorted_diagnostics()), files=None if judged.failed else built.files)
+    compilation = pipeline.compile(environment, request.modes)
+    report, result = compilation.report, BuildResult(compilation=compilation)
+    if request.twice and not report.apply_strict(strict=request.strict).failed:
+        result = replace(result, twice=_build_parts_again(environment, compilation))
+    if not report.apply_strict(strict=request.strict).failed:
+        result = _with_files(environment, result, request)
+    checked = report.apply_strict(strict=request.strict)
+    return replace(result, diagnostics=tuple(checked.sorted_diagnostics()), files=None if checked.failed else result.files)
 
 
-def _with_files(environment: Environment, built: BuildResult, wish: BuildRequest) -> BuildResult:
+def _with_files(environment: Environment, result: BuildResult, request: BuildRequest) -> BuildResult:
     """Create the files of all targets, and return a copy of the build result that contains the files. Emitters can report further errors.
 
     Call this function only if the compilation has no errors.
     """
-    compilation, workspace = built.compilation, environment.workspace
+    compilation, workspace = result.compilation, environment.workspace
     assert workspace is not None and compilation.assembly is not None
-    place = os.path.abspath(wish.output or os.path.join(workspace.root, workspace.build)), compilation.assembly.name
-    artifacts = pipeline.build(environment, compilation, wish.targets, build_folder(*place))
+    folder = os.path.abspath(request.output or os.path.join(workspace.root, workspace.build)), compilation.assembly.name
+    artifacts = pipeline.build(environment, compilation, request.targets, build_folder(*folder))
     files = pipeline.files(environment, compilation, artifacts)
-    losses = [loss for target in wish.targets for loss in artifacts[target].losses]
-    if wish.deny_loss:
-        _deny(losses, compilation.assembly.definition.origin, compilation.report)
-    if not wish.modes:
-        pipeline.say_unneeded(compilation, [Stage.CHECK, Stage.BUILD] if "mjcf" in wish.targets else [Stage.CHECK])
-    return replace(built, place=place, files=files, losses=losses)
+    losses = [loss for target in request.targets for loss in artifacts[target].losses]
+    if request.deny_loss:
+        _report_losses(losses, compilation.assembly.definition.origin, compilation.report)
+    if not request.modes:
+        pipeline.report_unneeded(compilation, [Stage.CHECK, Stage.BUILD] if "mjcf" in request.targets else [Stage.CHECK])
+    return replace(result, place=folder, files=files, losses=losses)
 
 
-def write(environment: Environment, built: BuildResult, wish: BuildRequest, on_wait: Waiting | None = None) -> str:
+def write(environment: Environment, result: BuildResult, request: BuildRequest, on_wait: Waiting | None = None) -> str:
     """Replace the build folder by the files of a build, in one atomic step. Return the absolute path of the folder.
 
     Call this function only if the build has no errors. Raises `OutputError` if the folder cannot be written. The callback `on_wait` is
     called if another build of the same folder is in progress.
     """
-    documents, files = built.compilation.documents, built.files
+    documents, files = result.compilation.documents, result.files
     assert files is not None and documents is not None, "the build has errors"
-    return write_build(*built.place, files, environment.store, documents.root.relative, force=wish.force, on_wait=on_wait)
+    return write_build(*result.place, files, environment.store, documents.root.relative, force=request.force, on_wait=on_wait)
 
 
-def _model_again(environment: Environment, compilation: Compilation) -> int:
+def _build_parts_again(environment: Environment, compilation: Compilation) -> int:
     """Build every part a second time, and report each part for which the second result differs from the first.
 
     Return the number of parts built. The second build uses new processes with another hash seed and an empty store. Call this function only
@@ -119,11 +119,8 @@ def _model_again(environment: Environment, compilation: Compilation) -> int:
     return len(definitions)
 
 
-def _deny(losses: Sequence[Loss], document: Origin, report: Report) -> None:
-    """Report each export loss as an error.
-
-    A loss is skipped if the document suppresses it by an `allow` entry at its location or at the top of the document.
-    """
+def _report_losses(losses: Sequence[Loss], document: Origin, report: Report) -> None:
+    """Report each export loss as an error, except losses that an `allow` entry suppresses, at their location or for the whole document."""
     for loss in losses:
         if not report.allows(Code.LOSS_DENIED, (*loss.origin, *document)):
             mode = f" in mode `{loss.mode}`" if loss.mode is not None else ""

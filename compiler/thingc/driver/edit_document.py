@@ -34,30 +34,30 @@ class EditResult(FrozenStruct):
     done: tuple[tuple[str, str | None, str], ...] = ()
 
 
-def write_values(document: str, given: Mapping[str, str], options: Options, *, strict: bool = False, dry: bool = False) -> EditResult:
+def write_values(document: str, settings: Mapping[str, str], options: Options, *, strict: bool = False, dry: bool = False) -> EditResult:
     """Change values in a document file, unless the new values would cause errors.
 
-    `given` maps names of parameters, and paths of other values, to the new values as strings. With `dry`, the new values are checked, but
-    the file is not written. With `strict`, warnings are treated as errors. Raises `OSError` if the document cannot be read.
+    `settings` maps names of parameters, and paths of other values, to the new values as strings. With `dry`, the new values are checked,
+    but the file is not written. With `strict`, warnings are treated as errors. Raises `OSError` if the document cannot be read.
     """
-    given = {parameter_name(path): text for path, text in given.items()}
-    parameters = {path: text for path, text in given.items() if "." not in path}
-    choices = {path: text for path, text in given.items() if "." in path}
+    settings = {parameter_name(path): text for path, text in settings.items()}
+    parameters = {path: text for path, text in settings.items() if "." not in path}
+    choices = {path: text for path, text in settings.items() if "." in path}
     documents, diagnostics = check_document(document, replace(options, parameters=parameters, choices=choices), strict=strict)
     if documents is None or any(d.code in (Code.CHOICE_OPTION, Code.PARAMETER_OPTION) for d in diagnostics):
         return EditResult(found=tuple(diagnostics))
     root = documents.root
-    elsewhere = [fault for path in choices if (fault := _nested_value_error(root, path)) is not None]
-    if elsewhere:
-        return EditResult(found=tuple(elsewhere))
-    values = {keys_of(root, path): text for path, text in given.items()}
-    short = [inner for keys in values if (inner := expand_short_form(root.tree, keys)) is not None]
+    errors = [fault for path in choices if (fault := _nested_value_error(root, path)) is not None]
+    if errors:
+        return EditResult(found=tuple(errors))
+    values = {keys_of(root, path): text for path, text in settings.items()}
+    long_forms = [inner for keys in values if (inner := expand_short_form(root.tree, keys)) is not None]
     try:
-        full = set_values(root, {keys: _texts(node) for keys, node in short})
-        text = set_values(full, {keys: _parse_value(text) for keys, text in values.items()}).text
+        expanded = set_values(root, {keys: _node_texts(node) for keys, node in long_forms})
+        text = set_values(expanded, {keys: _parse_value(text) for keys, text in values.items()}).text
     except CannotSetValue as fault:
         return EditResult(found=(_error(str(fault), "edit the document by hand", fault.span),))
-    return write_texts(root, {root.path: (root, text)}, tuple(changes(full, values)), options, strict=strict, dry=dry)
+    return write_texts(root, {root.path: (root, text)}, tuple(changes(expanded, values)), options, strict=strict, dry=dry)
 
 
 def write_texts(
@@ -70,14 +70,14 @@ def write_texts(
     """
     files = {path: document_change(*change) for path, change in texts.items()}
     _, diagnostics = check_document(root.path, replace(options, texts={path: after for path, (_, after) in files.items()}), strict=strict)
-    found, changed = tuple(diagnostics), tuple(texts.values())
-    if any(d.severity is Severity.ERROR for d in found):
-        return EditResult(found=found, changed=changed)
+    all_diagnostics, changed = tuple(diagnostics), tuple(texts.values())
+    if any(d.severity is Severity.ERROR for d in all_diagnostics):
+        return EditResult(found=all_diagnostics, changed=changed)
     try:
         replace_files({} if dry else files)
     except ReplacementRefused as fault:
         return EditResult(found=(fault.diagnostic,))
-    return EditResult(found=found, changed=changed, done=done)
+    return EditResult(found=all_diagnostics, changed=changed, done=done)
 
 
 def parameter_name(path: str) -> str:
@@ -94,9 +94,9 @@ def document_change(root: Document, text: str) -> tuple[bytes, bytes]:
 
     If the original file begins with a byte order mark, both results begin with it.
     """
-    before = root.text.encode()
-    mark = b"" if hashlib.sha256(before).hexdigest() == root.sha256 else b"\xef\xbb\xbf"
-    return mark + before, mark + text.encode()
+    original = root.text.encode()
+    mark = b"" if hashlib.sha256(original).hexdigest() == root.sha256 else b"\xef\xbb\xbf"
+    return mark + original, mark + text.encode()
 
 
 def load_documents(document: str, options: Options, memo: Memo) -> Documents | None:
@@ -119,7 +119,7 @@ def check_document(
     """
     with Environment(document, replace(options, lock=True), memo=memo) as environment:
         compilation = pipeline.compile(environment)
-    pipeline.say_unneeded(compilation, [Stage.CHECK])
+    pipeline.report_unneeded(compilation, [Stage.CHECK])
     return compilation.documents, compilation.report.apply_strict(strict=strict).sorted_diagnostics()
 
 
@@ -134,32 +134,29 @@ def keys_of(root: Document, path: str) -> Keys:
 def _parse_value(text: str) -> Written:
     """Parse a YAML list or mapping in flow style, such as `[1, 2]`. Other strings are returned unchanged."""
     tree = read_flow(text, line_of("")) if is_flow(text) else None
-    return text if tree is None or isinstance(tree, Diagnostic) else _texts(tree)
+    return text if tree is None or isinstance(tree, Diagnostic) else _node_texts(tree)
 
 
-def _texts(node: Node) -> Written:
+def _node_texts(node: Node) -> Written:
     if isinstance(node, MappingNode):
-        return {key: _texts(one) for key, one in node.entries.items()}
-    return [_texts(one) for one in node.items] if isinstance(node, SequenceNode) else node.text
+        return {key: _node_texts(child) for key, child in node.entries.items()}
+    return [_node_texts(child) for child in node.items] if isinstance(node, SequenceNode) else node.text
 
 
 def _nested_value_error(root: Document, path: str) -> Diagnostic | None:
-    """Return an error for a path whose value is not in this document, but in a nested document or in a copy of a component.
-
-    Return None if the value is in this document.
-    """
-    through = split_nested(path)
-    if through is None:
+    """Return an error if the value at `path` is in a nested document or belongs to a copy of a component, and otherwise None."""
+    nested = split_nested(path)
+    if nested is None:
         choice = parse(path)
         name = choice.components[0] if choice is not None and choice.components else None
         if name is None or node_at(root.tree, ("components", name)) is not None:
             return None
         return _error(f"`{path}` is one copy of a repeated component and has no line in the document", "set the value for all copies")
-    component, rest = through
+    component, inner_path = nested
     text = node_at(root.tree, ("components", component, "assembly"))
     inner = getattr(text, "text", "the nested document")
     message = f"`{path}` is defined in `{inner}`, so the change would affect every component that uses this document"
-    return _error(message, f"`thingc set {inner} '{rest}=...'`")
+    return _error(message, f"`thingc set {inner} '{inner_path}=...'`")
 
 
 def _error(message: str, help: str, span: Span | None = None) -> Diagnostic:

@@ -30,9 +30,9 @@ Printed = Callable[[str, Sequence[str]], None]
 contain control characters.
 """
 
-Lend = Callable[["Workspace", "Store"], "PartSource"]
-"""Function `lend(workspace, store)`, which returns a source of parts that several environments share. The caller that provides this
-function must close the source.
+PartsProvider = Callable[["Workspace", "Store"], "PartSource"]
+"""Function `provider(workspace, store)`, which returns a source of parts that several environments share. The owner of the function must
+close the source.
 """
 
 Answer = TypeVar("Answer")
@@ -69,12 +69,11 @@ class Options(FrozenStruct):
 class Environment:
     """The workspace, the parts, the diagnostics and the cache of a compilation. All compilations of a document can share an environment.
 
-    At the end of a `with` statement, the source of parts is closed, unless the caller has lent the source to the environment. `workspace`
-    is None if the workspace file is invalid. `report` contains the diagnostics of the documents. `memo` caches the results of compiler
-    passes.
+    At the end of a `with` statement, the source of parts is closed, unless it comes from `parts_provider`. `workspace` is None if the
+    workspace file is invalid. `report` contains the diagnostics of the documents. `memo` caches the results of compiler passes.
     """
 
-    def __init__(self, document: str, options: Options, lend: Lend | None = None, memo: Memo | None = None) -> None:
+    def __init__(self, document: str, options: Options, parts_provider: PartsProvider | None = None, memo: Memo | None = None) -> None:
         from thingc.documents.workspace import Workspace
 
         self.started = time.time_ns()
@@ -83,24 +82,21 @@ class Environment:
         self.report = Report()
         self.memo = memo if memo is not None else Memo()
         self.workspace: Workspace | None = Workspace.find(self.document, self.report, options.texts)
-        self._lent = lend
+        self._parts_provider = parts_provider
         self._lock_report = Report()
 
     def __enter__(self) -> Environment:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        if "parts" in self.__dict__ and self._lent is None:
+        if "parts" in self.__dict__ and self._parts_provider is None:
             self.parts.close()
 
     @cached_property
     def compat(self) -> tuple[str, ...]:
-        """The names of the programs besides MuJoCo that must be able to read the MuJoCo models.
-
-        The option `compat` specifies the names. By default, the workspace specifies the names.
-        """
-        own = self.workspace.compat if self.workspace is not None else ()
-        return own if self.options.compat is None else tuple(self.options.compat)
+        """The names of the programs besides MuJoCo that must be able to read the MuJoCo models, from the options or the workspace."""
+        consumers = self.workspace.compat if self.workspace is not None else ()
+        return consumers if self.options.compat is None else tuple(self.options.compat)
 
     @cached_property
     def store(self) -> Store:
@@ -114,8 +110,8 @@ class Environment:
         `workspace` must not be None.
         """
         assert self.workspace is not None, "parts need a workspace, but none was found"
-        if self._lent is not None:
-            return self._lent(self.workspace, self.store)
+        if self._parts_provider is not None:
+            return self._parts_provider(self.workspace, self.store)
         if self.options.code:
             return geometry_of(self.workspace, self.options, self.store, self._lock if self.options.lock else None)
         from thingc.geometry.lock.reader import LockOnlyGeometry
@@ -144,7 +140,7 @@ class Environment:
             report_missing(self.workspace, report)
         return lock
 
-    def say_gaps(self, report: Report) -> None:
+    def report_lock_gaps(self, report: Report) -> None:
         """Report the parts of the last compilation that the lock file does not contain, and all errors in the lock file.
 
         If code of the workspace may run, the lock file is optional, and the diagnostics are warnings.

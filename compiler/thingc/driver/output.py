@@ -38,10 +38,7 @@ raise an exception to stop waiting.
 
 
 class Blobs(Protocol):
-    """The interface of a content-addressed store, from which files of a build are read.
-
-    Each file is identified by the SHA-256 of its content.
-    """
+    """The interface of a store that contains files of a build, identified by the SHA-256 of their contents."""
 
     def read(self, sha256: str) -> bytes:
         """Return the content with the given SHA-256. Raises an exception if the content is missing or damaged."""
@@ -110,21 +107,21 @@ def write_build(
     try:
         os.makedirs(os.path.dirname(folder), exist_ok=True)
         with _lock_folder(folder, on_wait):
-            _mend(folder)
-            known: Digests = {}
-            unexpected = _refuse_unexpected(folder, document, files, known, force=force)
-            fresh = _sibling_path(folder, "new")
+            _complete_renames(folder)
+            digests: Digests = {}
+            unexpected = _refuse_unexpected(folder, document, files, digests, force=force)
+            new_folder = _sibling_path(folder, "new")
             try:
-                _write_files(fresh, files, store)
-                _swap(fresh, folder, document, files, known, given_up=unexpected.names)
+                _write_files(new_folder, files, store)
+                _exchange_folders(new_folder, folder, document, files, digests, overwritable=unexpected.names)
             finally:
-                _delete(fresh)
+                _delete(new_folder)
     except OSError as fault:
-        raise OutputError(_fault_text(folder, fault), f"{_cure(fault)} build into another folder with -o") from fault
+        raise OutputError(_fault_text(folder, fault), f"{_fault_help(fault)} build into another folder with -o") from fault
     return folder
 
 
-KEPT = ".git"
+ALLOWED_ENTRY = ".git"
 """The only entry that may exist in the folder of a new workspace. thingc does not change this entry."""
 
 
@@ -138,61 +135,61 @@ def write_new(folder: str, files: Mapping[str, bytes]) -> str:
     the operating system.
     """
     folder = os.path.realpath(folder)
-    place, there = shown_path(folder), os.path.isdir(folder)
+    display_path, exists = shown_path(folder), os.path.isdir(folder)
 
     def refuse(_: str) -> NoReturn:
-        raise OutputError(f"another command is creating `{place}`", "wait until it has finished, or choose another name")
+        raise OutputError(f"another command is creating `{display_path}`", "wait until it has finished, or choose another name")
 
     try:
         os.makedirs(os.path.dirname(folder), exist_ok=True)
-        aside = os.path.join(folder, os.path.basename(folder)) if there else folder
-        with _lock_folder(aside, refuse):
-            fresh = _sibling_path(aside, "new")
-            if not there and os.path.lexists(folder):
-                raise OutputError(f"`{place}` already exists and is a file", "choose another name, or move the file")
-            _delete(fresh)
+        base = os.path.join(folder, os.path.basename(folder)) if exists else folder
+        with _lock_folder(base, refuse):
+            new_folder = _sibling_path(base, "new")
+            if not exists and os.path.lexists(folder):
+                raise OutputError(f"`{display_path}` already exists and is a file", "choose another name, or move the file")
+            _delete(new_folder)
             try:
-                _write_files(fresh, files, None)
-                if there:
-                    ours = {KEPT, *(os.path.basename(_sibling_path(aside, what)) for what in ("lock", "new"))}
-                    before = sorted(set(os.listdir(folder)) - ours)
-                    others = [name for name in before if not _alike(os.path.join(folder, name), os.path.join(fresh, name))]
-                    if others:
-                        message = f"the folder `{place}` is not empty: {quote_names(others, 8)}"
+                _write_files(new_folder, files, None)
+                if exists:
+                    temporary = {ALLOWED_ENTRY, *(os.path.basename(_sibling_path(base, suffix)) for suffix in ("lock", "new"))}
+                    before = sorted(set(os.listdir(folder)) - temporary)
+                    conflicts = [name for name in before if not _equal(os.path.join(folder, name), os.path.join(new_folder, name))]
+                    if conflicts:
+                        message = f"the folder `{display_path}` is not empty: {quote_names(conflicts, 8)}"
                         raise OutputError(message, "choose another name, or move the content of the folder")
-                    _move_into(folder, fresh, sorted(set(os.listdir(fresh)) - set(before)))
+                    _move_into(folder, new_folder, sorted(set(os.listdir(new_folder)) - set(before)))
                 else:
-                    os.rename(fresh, folder)
+                    os.rename(new_folder, folder)
             finally:
-                _delete(fresh)
+                _delete(new_folder)
     except OSError as fault:
-        where = f" (`{shown_path(fault.filename)}`)" if isinstance(fault.filename, str) and ".thingc-" not in fault.filename else ""
+        location = f" (`{shown_path(fault.filename)}`)" if isinstance(fault.filename, str) and ".thingc-" not in fault.filename else ""
         reason = (fault.strerror or str(fault)).lower()
-        cure = "choose a shorter name" if fault.errno == errno.ENAMETOOLONG else f"{_cure(fault)} choose another name or place"
-        raise OutputError(f"cannot create `{place}`: {reason}{where}", cure) from fault
+        help = "choose a shorter name" if fault.errno == errno.ENAMETOOLONG else f"{_fault_help(fault)} choose another name or place"
+        raise OutputError(f"cannot create `{display_path}`: {reason}{location}", help) from fault
     return folder
 
 
-def _move_into(folder: str, fresh: str, names: Sequence[str]) -> None:
-    """Move the files and folders `names` from `fresh` to `folder`. If an exception is raised, all moved files are removed from `folder`."""
+def _move_into(folder: str, source: str, names: Sequence[str]) -> None:
+    """Move the files and folders `names` from `source` to `folder`. If an exception is raised, delete all moved files from `folder`."""
     try:
         for name in names:
-            os.rename(os.path.join(fresh, name), os.path.join(folder, name))
+            os.rename(os.path.join(source, name), os.path.join(folder, name))
     except BaseException:
         for name in names:
-            if not os.path.lexists(os.path.join(fresh, name)):
+            if not os.path.lexists(os.path.join(source, name)):
                 _delete(os.path.join(folder, name))
         raise
 
 
-def _alike(one: str, other: str) -> bool:
-    """Return whether two files have the same content, or whether two folders contain the same files. Return False for symbolic links."""
-    if os.path.isdir(one) and os.path.isdir(other) and not os.path.islink(one):
-        names = set(os.listdir(one))
-        return names == set(os.listdir(other)) and all(_alike(os.path.join(one, name), os.path.join(other, name)) for name in names)
+def _equal(first: str, second: str) -> bool:
+    """Return whether two paths are files with the same content, or folders with the same files. Return False for symbolic links."""
+    if os.path.isdir(first) and os.path.isdir(second) and not os.path.islink(first):
+        names = set(os.listdir(first))
+        return names == set(os.listdir(second)) and all(_equal(os.path.join(first, name), os.path.join(second, name)) for name in names)
     import filecmp  # lazy import: only `thingc new` compares
 
-    return os.path.isfile(other) and _is_plain(one) and filecmp.cmp(one, other, shallow=False)
+    return os.path.isfile(second) and _is_plain(first) and filecmp.cmp(first, second, shallow=False)
 
 
 def build_folder(parent: str, name: str) -> str:
@@ -215,8 +212,8 @@ def verify(folder: str, store: Store | None = None) -> dict[str, Any] | None:
         if manifest is None or set(_listing(folder)) != {*manifest["files"], MANIFEST}:
             return None
         for path, sha256 in manifest["files"].items():
-            place = os.path.join(folder, path)
-            if not _is_plain(place) or digest_of(place, store) != sha256:
+            file = os.path.join(folder, path)
+            if not _is_plain(file) or digest_of(file, store) != sha256:
                 return None
     except OSError:
         return None
@@ -232,12 +229,9 @@ def manifest_paths(folder: str) -> frozenset[str]:
     return frozenset() if manifest is None else frozenset((*manifest["files"], MANIFEST))
 
 
-def unswept(folder: str) -> bool:
-    """Return whether temporary files of a killed or unfinished build exist next to a build folder.
-
-    The next build deletes the files of a killed build. If another build is still in progress, the next build waits.
-    """
-    return any(os.path.lexists(_sibling_path(folder, what)) for what in ("lock", "new", "old"))
+def has_leftovers(folder: str) -> bool:
+    """Return whether temporary files of a killed or unfinished build exist next to a build folder. The next build deletes these files."""
+    return any(os.path.lexists(_sibling_path(folder, suffix)) for suffix in ("lock", "new", "old"))
 
 
 def unexpected_files(folder: str, document: str, *, also: Collection[str] = (), known: Digests | None = None) -> UnexpectedFiles:
@@ -255,17 +249,17 @@ def unexpected_files(folder: str, document: str, *, also: Collection[str] = (), 
     if manifest is None or manifest["document"] != document:
         return UnexpectedFiles(None if manifest is None else manifest["document"], tuple(sorted(names)))
     listed: dict[str, str] = manifest["files"]
-    ours = written_pattern()
-    others = [name for name in names if name != MANIFEST and not (name in listed and (name in also or ours.fullmatch(name)))]
-    own = sorted(set(names) - {MANIFEST, *others})
+    our_names = written_pattern()
+    unknown = [name for name in names if name != MANIFEST and not (name in listed and (name in also or our_names.fullmatch(name)))]
+    written = sorted(set(names) - {MANIFEST, *unknown})
     known = {} if known is None else known
-    changed = [name for name in own if _content_of(os.path.join(folder, name), known) not in (listed[name], NOTHING)]
-    return UnexpectedFiles(document, tuple(sorted(others)), tuple(changed))
+    changed = [name for name in written if _digest_of_plain(os.path.join(folder, name), known) not in (listed[name], NOTHING)]
+    return UnexpectedFiles(document, tuple(sorted(unknown)), tuple(changed))
 
 
-def _content_of(path: str, known: Digests) -> str | None:
+def _digest_of_plain(path: str, digests: Digests) -> str | None:
     """Return the SHA-256 of a regular file. Return None for symbolic links and special files such as pipes."""
-    return digest_of(path, known=known) if _is_plain(path) else None
+    return digest_of(path, known=digests) if _is_plain(path) else None
 
 
 def _check_paths(name: str, files: Mapping[str, Content]) -> None:
@@ -278,9 +272,9 @@ def _check_paths(name: str, files: Mapping[str, Content]) -> None:
         raise ValueError(f"a build needs a {MANIFEST}")
 
 
-def _sibling_path(folder: str, what: str) -> str:
+def _sibling_path(folder: str, suffix: str) -> str:
     parent, name = os.path.split(folder)
-    return os.path.join(parent, f".{name}.thingc-{what}")
+    return os.path.join(parent, f".{name}.thingc-{suffix}")
 
 
 @contextlib.contextmanager
@@ -291,16 +285,16 @@ def _lock_folder(folder: str, on_wait: Waiting | None) -> Iterator[None]:
     the function therefore checks whether the path of the lock file still refers to the locked file.
     """
     path = _sibling_path(folder, "lock")
-    said = False
+    notified = False
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         try:
             try:
                 lock(descriptor)
             except BlockingIOError:
-                if on_wait is not None and not said:
+                if on_wait is not None and not notified:
                     on_wait(folder)
-                said = True
+                notified = True
                 lock(descriptor, wait=True)
             if same_file(descriptor, path):
                 break
@@ -324,7 +318,7 @@ def same_file(descriptor: int, path: str) -> bool:
         return False
 
 
-def _mend(folder: str) -> None:
+def _complete_renames(folder: str) -> None:
     """Complete or undo the renames of a build that was killed while it replaced the build folder."""
     old = _sibling_path(folder, "old")
     if os.path.lexists(old):
@@ -335,89 +329,92 @@ def _mend(folder: str) -> None:
     _delete(_sibling_path(folder, "new"))
 
 
-def _refuse_unexpected(folder: str, document: str, also: Collection[str], known: Digests, *, force: bool) -> UnexpectedFiles:
-    """Check a build folder for unexpected files, and return the unexpected files that `force` allows to overwrite.
+def _refuse_unexpected(folder: str, document: str, also: Collection[str], digests: Digests, *, force: bool) -> UnexpectedFiles:
+    """Return the unexpected files in a build folder, all of which `force` allows to overwrite.
 
-    Raises `UnexpectedFilesError` if there are any other unexpected files.
+    Raises `UnexpectedFilesError` if there are unexpected files that `force` does not allow to overwrite.
     """
     if not os.path.lexists(folder):
         return UnexpectedFiles(None, ())
     if not os.path.isdir(folder):
         message = f"`{shown_path(folder)}` is a file, but the build requires a folder at this path"
         raise OutputError(message, "move the file, or build into another folder with -o")
-    unexpected = unexpected_files(folder, document, also=also, known=known)
+    unexpected = unexpected_files(folder, document, also=also, known=digests)
     if unexpected.names and not (force and unexpected.owner == document):
-        raise _accusation(folder, unexpected, document)
+        raise _unexpected_error(folder, unexpected, document)
     return unexpected
 
 
-def _accusation(folder: str, unexpected: UnexpectedFiles, document: str) -> UnexpectedFilesError:
-    place = f"`{shown_path(folder)}`"
+def _unexpected_error(folder: str, unexpected: UnexpectedFiles, document: str) -> UnexpectedFilesError:
+    display_path = f"`{shown_path(folder)}`"
     ours = unexpected.owner == document
     if unexpected.owner is not None and not ours:
-        message = f"{place} contains the build of another document (`{unexpected.owner}`, not `{document}`); nothing was written"
+        message = f"{display_path} contains the build of another document (`{unexpected.owner}`, not `{document}`); nothing was written"
     else:
-        said = [
-            f"{what} ({quote_names(names, 8)})"
-            for what, names in (
+        groups = [
+            f"{description} ({quote_names(names, 8)})"
+            for description, names in (
                 (f"files that no build of `{document}` wrote", unexpected.others),
                 ("files that have changed since the build", unexpected.changed),
             ) if names
         ]
-        message = f"{place} contains {' and '.join(said)}; nothing was written"
+        message = f"{display_path} contains {' and '.join(groups)}; nothing was written"
     return UnexpectedFilesError(folder, unexpected.names, message, ours=ours)
 
 
-def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs | None) -> None:
-    """Write all files of a build to a new folder `fresh`.
+def _write_files(folder: str, files: Mapping[str, Content], store: Blobs | None) -> None:
+    """Create the folder `folder`, and write all files of a build to this folder.
 
     The manifest is written last, and is synchronized to disk. If a power failure interrupts the build, the checksums in the manifest show
     which files are incomplete. `store` is required if `files` contains stored files.
     """
-    os.mkdir(fresh)
+    os.mkdir(folder)
     folders = {""}
     for path in sorted(files, key=lambda path: (path == MANIFEST, path)):
-        above = os.path.dirname(path)
-        if above not in folders:
-            os.makedirs(os.path.join(fresh, above), exist_ok=True)
-            folders.add(above)
+        parent = os.path.dirname(path)
+        if parent not in folders:
+            os.makedirs(os.path.join(folder, parent), exist_ok=True)
+            folders.add(parent)
         content = files[path]
         if isinstance(content, StoredArtifact):
             assert store is not None
             data = store.read(content.sha256)
         else:
             data = content
-        with open(os.path.join(fresh, path), "xb") as stream:
+        with open(os.path.join(folder, path), "xb") as stream:
             stream.write(data)
             if path == MANIFEST:
                 stream.flush()
                 os.fsync(stream.fileno())
 
 
-def _swap(fresh: str, folder: str, document: str, also: Collection[str], known: Digests, *, given_up: Collection[str]) -> None:
-    """Replace the build folder `folder` by the new folder `fresh`, and delete the old build.
+def _exchange_folders(
+    new_folder: str, folder: str, document: str, also: Collection[str], digests: Digests, *, overwritable: Collection[str],
+) -> None:
+    """Replace the build folder `folder` by the folder `new_folder`, and delete the old build.
 
-    If a file of the old build was changed in the meantime, the old build is restored, unless the file is in `given_up`.
+    If the old build contains unexpected files that are not in `overwritable`, because they were changed in the meantime, restore the old
+    build and raise `UnexpectedFilesError`.
     """
     if not os.path.lexists(folder):
-        os.rename(fresh, folder)
+        os.rename(new_folder, folder)
         return
-    displaced = fresh
+    old_folder = new_folder
     try:
-        exchange(fresh, folder)
+        exchange(new_folder, folder)
     except NotImplementedError:
-        displaced = _sibling_path(folder, "old")
-        os.rename(folder, displaced)
-        os.rename(fresh, folder)
-    late = unexpected_files(displaced, document, also=also, known=known)
-    if set(late.names) - set(given_up):
-        if displaced != fresh:
-            os.rename(folder, fresh)
-            os.rename(displaced, folder)
+        old_folder = _sibling_path(folder, "old")
+        os.rename(folder, old_folder)
+        os.rename(new_folder, folder)
+    unexpected = unexpected_files(old_folder, document, also=also, known=digests)
+    if set(unexpected.names) - set(overwritable):
+        if old_folder != new_folder:
+            os.rename(folder, new_folder)
+            os.rename(old_folder, folder)
         else:
-            exchange(fresh, folder)
-        raise _accusation(folder, late, document)
-    _delete(displaced)
+            exchange(new_folder, folder)
+        raise _unexpected_error(folder, unexpected, document)
+    _delete(old_folder)
 
 
 def _delete(path: str) -> None:
@@ -432,17 +429,17 @@ def _delete(path: str) -> None:
     shutil.rmtree(path, ignore_errors=True)
     if os.path.lexists(path):  # a folder may not be writable
         with contextlib.suppress(OSError):
-            _permit(path)
+            _make_deletable(path)
         shutil.rmtree(path, ignore_errors=True)
 
 
-def _permit(folder: str) -> None:
+def _make_deletable(folder: str) -> None:
     """Set the permissions of a folder and all its subfolders so that their contents can be deleted. Symbolic links are not followed."""
     os.chmod(folder, 0o700)
     with os.scandir(folder) as entries:
         for entry in entries:
             if entry.is_dir(follow_symlinks=False):
-                _permit(entry.path)
+                _make_deletable(entry.path)
 
 
 def _manifest(folder: str) -> dict[str, Any] | None:
@@ -471,13 +468,13 @@ def _is_plain(path: str) -> bool:
 def _listing(folder: str) -> list[str]:
     """Return the relative paths of all files in a folder, with `/` as separator. Symbolic links are listed but not followed."""
     files: list[str] = []
-    waiting = [""]
-    while waiting:
-        prefix = waiting.pop()
+    prefixes = [""]
+    while prefixes:
+        prefix = prefixes.pop()
         with os.scandir(os.path.join(folder, prefix)) as entries:
             for entry in entries:
                 if entry.is_dir(follow_symlinks=False):
-                    waiting.append(f"{prefix}{entry.name}/")
+                    prefixes.append(f"{prefix}{entry.name}/")
                 else:
                     files.append(f"{prefix}{entry.name}")
     return files
@@ -485,15 +482,15 @@ def _listing(folder: str) -> list[str]:
 
 def _fault_text(folder: str, fault: OSError) -> str:
     """Format an error of the operating system as a message that explains why the build folder cannot be written."""
-    place = shown_path(folder)
+    display_path = shown_path(folder)
     if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        return f"there is not enough space for the build in `{place}`: {os.strerror(fault.errno)}"
+        return f"there is not enough space for the build in `{display_path}`: {os.strerror(fault.errno)}"
     reason = fault.strerror or str(fault)
-    return f"cannot write the build to `{place}`: {reason}"
+    return f"cannot write the build to `{display_path}`: {reason}"
 
 
-def _cure(fault: OSError) -> str:
-    """Return a help text for an error of the operating system. The caller also advises the user to use another folder."""
+def _fault_help(fault: OSError) -> str:
+    """Return the beginning of a help text for an error of the operating system. The caller appends another option ("or ...")."""
     if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return "free some space, or"
     if fault.errno == errno.ENAMETOOLONG:

@@ -44,9 +44,9 @@ PASSES = ("thingc.model.resolve.choices", "thingc.model.resolve.assembly", "thin
 """The modules of the passes that run after the part schemas have been loaded. These modules are imported while the CAD kernel loads."""
 
 
-_LOOKED_THROUGH = 1 << 20
+_SEARCHED_BYTES = 1 << 20
 """Number of bytes at the beginning of a document that are searched for references to parts and nested documents."""
-_MOST_DOCUMENTS = 100
+_MAX_DOCUMENTS = 100
 """If a document contains more nested documents, it probably needs the CAD kernel."""
 _NAMES_PART = re.compile(rb"\b(?:part|file)[\"']?\s*[:=]")
 _NAMES_ASSEMBLY = re.compile(rb"\bassembly[\"']?\s*[:=]\s*[\"']?([^\s\"',}]+)")
@@ -60,26 +60,26 @@ class UnknownChoice(UserError):
 
 
 def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
-    """Return the names of the programs that must be able to read the MuJoCo models, in the order of `CONSUMERS`.
+    """Parse a list of programs that must be able to read the MuJoCo models, and return it in the order of `CONSUMERS`.
 
-    `names` contains the names of the programs, either as a list or as one comma-separated string. Raises `UnknownChoice` for an unknown
-    program.
+    `names` is an iterable of names or a comma-separated string. Raises `UnknownChoice` for an unknown program.
     """
     from thingc.documents.workspace import CONSUMERS
 
-    words = [word for word in (names.split(",") if isinstance(names, str) else names) if word]
-    for word in words:
-        if word not in CONSUMERS:
-            raise UnknownChoice(f"MuJoCo models are not written for `{abbreviate(word)}`", did_you_mean(word, CONSUMERS, what="programs"))
-    return tuple(name for name in CONSUMERS if name in words)
+    requested = [program for program in (names.split(",") if isinstance(names, str) else names) if program]
+    for program in requested:
+        if program not in CONSUMERS:
+            help = did_you_mean(program, CONSUMERS, what="programs")
+            raise UnknownChoice(f"MuJoCo models are not written for `{abbreviate(program)}`", help)
+    return tuple(name for name in CONSUMERS if name in requested)
 
 
 class Compilation(FrozenStruct):
     """The result of a compilation: the output of each pass that succeeded, and the report with all diagnostics.
 
-    `documents` contains the document, and all documents that the document or the choices of the user reference. `robots` contains a robot
-    for each requested mode. `decisions` maps the definition text of each part to the reason why the part was built or reused. `repeated` is
-    True if the process runs many compilations of the same document. `records` maps the definition text of each part to its record.
+    `documents` contains the document, and all documents that the document or the choices of the user reference. `records` maps the
+    definition text of each part to its record, and `decisions` to the reason why the part was built or reused. `robots` contains a robot
+    for each requested mode. `repeated` is True if the process runs many compilations of the same document.
     """
 
     settings: Settings
@@ -114,7 +114,7 @@ def check(environment: Environment) -> Compilation:
     and calibration documents are only validated.
     """
     compilation = compile(environment, kinds=("assembly", "materials", "variants", "calibration"))
-    say_unneeded(compilation, [Stage.CHECK])
+    report_unneeded(compilation, [Stage.CHECK])
     return compilation
 
 
@@ -124,18 +124,18 @@ def compile(
 ) -> Compilation:
     """Compile an assembly document: run every pass up to `root`, for the modes with the given names (by default all modes).
 
-    `kinds` contains the kinds of documents that are accepted. `settings` is a function that computes the values of parameters from the
-    loaded documents. By default, `settings` reads the options of the environment. Errors are added to the report. Raises `UnknownChoice`
-    for an unknown mode, and `BlobMissing` if the store is damaged (see `environment.with_environment`).
+    `kinds` contains the kinds of documents that are accepted. `settings` is a function that returns the settings, given the loaded
+    documents; by default, the settings come from the options of the environment. Errors are added to the report of the result. Raises
+    `UnknownChoice` for an unknown mode, and `BlobMissing` if the store is damaged (see `environment.with_environment`).
     """
     sources = read(environment, kinds, modelling=True)
-    told = settings(sources) if settings is not None and sources is not None else settings_of(environment.options)
-    compilation = _passes(environment, sources, told, modes, None)
+    values = settings(sources) if settings is not None and sources is not None else settings_of(environment.options)
+    compilation = _run_passes(environment, sources, values, modes, None)
     if compilation.assembly is not None and not compilation.report.failed:
         from thingc.model.robot.start_pose_checks import check_starts
 
-        check_starts(compilation.robots, _corners(environment), compilation.report, environment.memo)
-        _check_measured(environment, compilation.assembly, compilation.report)
+        check_starts(compilation.robots, _vertex_reader(environment), compilation.report, environment.memo)
+        _check_interfaces(environment, compilation.assembly, compilation.report)
     return compilation
 
 
@@ -144,13 +144,13 @@ def recompile(environment: Environment, sources: Sources | None, settings: Setti
 
     Checks that are useful only for a single robot are skipped, such as the search for overlapping parts.
     """
-    return replace(_passes(environment, sources, settings, modes, environment.memo), repeated=True)
+    return replace(_run_passes(environment, sources, settings, modes, environment.memo), repeated=True)
 
 
 def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
-    """Return the names of Python modules for `Options.ahead`: modules that `build` needs for the given targets and that are slow to import.
+    """Return the names of modules that `build` needs for the given targets and that are slow to import, for `Options.ahead`.
 
-    The module numpy is only included for the target `mjcf`, for which solids are compared.
+    The module `shapes`, which imports numpy, is only needed for the target `mjcf`, for which solids are compared.
     """
     from thingc.targets.registry import modules_of
 
@@ -185,14 +185,14 @@ def build(environment: Environment, compilation: Compilation, targets: Sequence[
 def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, modelling: bool = False) -> Sources | None:
     """Run the passes `load` and `validate` on the document, and load the schemas of all parts that it references.
 
-    Return None if the document is not valid. Set `modelling` to True if the caller builds parts next. With `modelling`, the CAD kernel is
-    loaded in advance if the store probably does not contain all parts.
+    Return None if the document cannot be read. Set `modelling` to True if the caller builds parts next: the CAD kernel is then loaded in
+    advance if the store probably does not contain all parts.
     """
     workspace, report = environment.workspace, environment.report
     if workspace is None:
         return None
     # start this before other imports, because it takes longest
-    kernel_loads = modelling and _may_name_parts(environment, workspace) and environment.parts.anticipate()
+    kernel_loads = modelling and _may_need_kernel(environment, workspace) and environment.parts.anticipate()
     from thingc.documents.load.documents import load
     from thingc.documents.spec.validation import part_references, validate
 
@@ -200,8 +200,8 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
     if documents is None:
         return None
     specs = validate(documents, report, environment.memo)
-    named = part_references(specs, documents) if documents.root.kind == "assembly" else ()
-    references = [reference for reference, _ in named]
+    part_uses = part_references(specs, documents) if documents.root.kind == "assembly" else ()
+    references = [reference for reference, _ in part_uses]
     if kernel_loads and references:
         schemas = environment.geometry.describe(references, lambda: [*map(import_module, (*PASSES, *environment.options.ahead))])
     else:
@@ -209,25 +209,25 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
     from thingc.geometry.store.file_digests import digest_of
     from thingc.model.resolve.resolver import Sources
 
-    kept = environment.store if environment.options.code else None
-    digest = partial(digest_of, store=kept)
+    cache = environment.store if environment.options.code else None
+    digest = partial(digest_of, store=cache)
     return Sources(workspace=workspace, documents=documents, specs=specs, schemas=schemas, digest=digest)
 
 
-def _may_name_parts(environment: Environment, workspace: Workspace) -> bool:
-    """Return whether the document probably needs the CAD kernel.
+def _may_need_kernel(environment: Environment, workspace: Workspace) -> bool:
+    """Return whether compiling the document may need the CAD kernel: code may run, and the document or a nested document mentions parts.
 
-    The kernel is needed if the code of parts may run, and the beginning of the document or of a nested document mentions parts.
+    Only the beginning of each document is searched.
     """
     documents = [environment.document] if environment.options.code else []
     for document in documents:  # the list grows
         text = environment.options.texts.get(document)
         if text is None:
             try:
-                text = beginning(document, _LOOKED_THROUGH) if workspace.contains(document) else b""
+                text = beginning(document, _SEARCHED_BYTES) if workspace.contains(document) else b""
             except (OSError, ValueError):
                 continue
-        if _NAMES_PART.search(text) or len(documents) > _MOST_DOCUMENTS:
+        if _NAMES_PART.search(text) or len(documents) > _MAX_DOCUMENTS:
             return True
         nested = (os.path.join(os.path.dirname(document), os.fsdecode(name)) for name in set(_NAMES_ASSEMBLY.findall(text)))
         documents += {os.path.normpath(path) for path in nested}.difference(documents)
@@ -244,53 +244,52 @@ def settings_of(options: Options) -> Settings:
 def choose(environment: Environment, sources: Sources, choices: Mapping[str, str], report: Report, memo: Memo | None) -> Sources:
     """Load the documents and part schemas that the choices of the user reference, and return them together with `sources`.
 
-    Errors in these documents and parts are added to the report. `memo` caches results for the current contents of the documents.
+    Errors in these documents and parts are added to the report. `memo` is a cache for the current contents of the documents.
     """
     if not choices:
         return sources
     from thingc.model.resolve.choices import documents_and_parts
 
     assemblies, parts = documents_and_parts(choices)
-    place = ("choices", frozenset(assemblies), frozenset(parts))
-    widened, faults = (memo or Memo())(place, lambda: _load_more(environment, sources, assemblies, parts))
+    key = ("choices", frozenset(assemblies), frozenset(parts))
+    extended, faults = (memo or Memo())(key, lambda: _load_more(environment, sources, assemblies, parts))
     for fault in faults.diagnostics:  # errors without a place in a document are reported at the choice
         code, path = (fault.code, fault.path) if fault.span is not None else (Code.CHOICE_OPTION, "--set")
         report.add(code, fault.message, fault.span, help=fault.help, path=path, notes=fault.notes, severity=fault.severity)
-    return widened
+    return extended
 
 
-def _load_more(environment: Environment, own: Sources, assemblies: Sequence[str], parts: Sequence[str]) -> tuple[Sources, Report]:
-    """Load additional assembly documents and part schemas, and return them together with `own`.
-
-    Also return a report with the errors in the additional documents and parts.
-    """
+def _load_more(environment: Environment, loaded: Sources, assemblies: Sequence[str], parts: Sequence[str]) -> tuple[Sources, Report]:
+    """Load additional assembly documents and part schemas. Return them together with `loaded`, and a report with their errors."""
     from thingc.documents.load.documents import load_more
     from thingc.documents.spec.validation import part_references, validate
 
-    documents, specs, report = own.documents, own.specs, Report()
+    documents, specs, report = loaded.documents, loaded.specs, Report()
     if assemblies:
-        documents = load_more(documents, assemblies, own.workspace, report)
-        added = {path: one for path, one in documents.by_path.items() if path not in own.documents.by_path}
+        documents = load_more(documents, assemblies, loaded.workspace, report)
+        added = {path: document for path, document in documents.by_path.items() if path not in loaded.documents.by_path}
         specs = specs.union(validate(replace(documents, by_path=added), report))
-    wanted = [*parts, *(reference for reference, _ in part_references(specs, documents))]
-    schemas = {**own.schemas, **environment.parts.describe([one for one in wanted if one not in own.schemas])}
-    return replace(own, documents=documents, specs=specs, schemas=schemas), report
+    references = [*parts, *(reference for reference, _ in part_references(specs, documents))]
+    schemas = {**loaded.schemas, **environment.parts.describe([document for document in references if document not in loaded.schemas])}
+    return replace(loaded, documents=documents, specs=specs, schemas=schemas), report
 
 
-def model(environment: Environment, own: Sources, settings: Settings, report: Report) -> AssemblyDefinition | None:
+def model(environment: Environment, sources: Sources, settings: Settings, report: Report) -> AssemblyDefinition | None:
     """Run the pass `resolve` on documents that are already loaded, without building parts. Return the definition of the root assembly.
 
     Errors are added to the report. Return None if the root document is invalid as a whole.
     """
     from thingc.model.resolve.resolver import resolve
 
-    return resolve(choose(environment, own, settings.choices, report, environment.memo), settings, report, environment.memo)
+    return resolve(choose(environment, sources, settings.choices, report, environment.memo), settings, report, environment.memo)
 
 
-def _passes(environment: Environment, own: Sources | None, settings: Settings, modes: Sequence[str], of_text: Memo | None) -> Compilation:
+def _run_passes(
+    environment: Environment, loaded: Sources | None, settings: Settings, modes: Sequence[str], document_memo: Memo | None,
+) -> Compilation:
     """Run the passes `resolve`, `link` and `root` on documents that are already loaded.
 
-    The cache `of_text` contains results that are valid only for the current contents of the documents. The cache of the environment
+    `document_memo` is a cache for results that are valid only for the current contents of the documents. The cache of the environment
     contains results that are always valid.
     """
     from thingc.geometry.meshes.cache import mesh_records
@@ -304,19 +303,19 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
     from thingc.model.robot.spanning_tree import root
 
     report, memo = environment.report.copy(), environment.memo
-    if own is None:
+    if loaded is None:
         return Compilation(settings=settings, report=report)
     parts = environment.parts
-    sources = choose(environment, own, settings.choices, report, of_text)
+    sources = choose(environment, loaded, settings.choices, report, document_memo)
     documents = sources.documents
     report.allowances = sources.specs.allowances
-    _say_hidden(environment, sources, report)
+    _report_hidden(environment, sources, report)
     compilation = Compilation(settings=settings, report=report, documents=documents, schemas=sources.schemas)
     if documents.root.kind == "materials":
         resolve_materials(sources, report)
     if documents.root.kind != "assembly":
         return compilation
-    model = resolve(sources, settings, report, of_text or memo.make_empty(), memo)
+    model = resolve(sources, settings, report, document_memo or memo.make_empty(), memo)
     if model is None:
         return compilation
     if not report.failed:
@@ -325,21 +324,21 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
     records = parts.realize(definitions, find_decompositions(model), partial(likely_slicings, model, sources.schemas))
     model = with_own_images(model, records)
     records = parts.slice(definitions, records, slicings_of(model, records))
-    environment.say_gaps(report)
+    environment.report_lock_gaps(report)
     compilation = replace(compilation, decisions=parts.decisions, model=model, records=records)
-    listed = listed_meshes(model, drawn=not environment.options.lock) if environment.options.code else {}
-    read_meshes = mesh_records(listed, environment.store, report, memo) if listed else {}
+    mesh_files = listed_meshes(model, drawn=not environment.options.lock) if environment.options.code else {}
+    read_meshes = mesh_records(mesh_files, environment.store, report, memo) if mesh_files else {}
     meshes = with_pieces(model, read_meshes, parts.decompose, report)
     linked = link(model, records, report, memo, meshes)
     if linked is None:
         return compilation
-    assembly = stand(linked, _corners(environment), report, memo)
+    assembly = stand(linked, _vertex_reader(environment), report, memo)
     robots = [root(assembly, mode, report, memo) for mode in assembly.modes if not modes or mode.name in modes]
     return replace(compilation, assembly=assembly, robots=tuple(robot for robot in robots if robot is not None))
 
 
-def _check_measured(environment: Environment, assembly: Assembly, report: Report) -> None:
-    """Compare the interfaces of mounts in documents with the B-reps of their parts, if the workspace is allowed to run code."""
+def _check_interfaces(environment: Environment, assembly: Assembly, report: Report) -> None:
+    """Compare the interfaces that documents add to mounts with the B-reps of the parts, if code of the workspace may run."""
     from thingc.geometry.record import AssemblyFailed
     from thingc.geometry.service import GeometryService
     from thingc.model.assembly.interfaces import check_added_interfaces
@@ -351,15 +350,15 @@ def _check_measured(environment: Environment, assembly: Assembly, report: Report
             report.add(Code.INTERNAL, f"the CAD kernel cannot read a part: {fault.reason}", assembly.definition.origin, detail=fault.detail)
 
 
-def _say_hidden(environment: Environment, sources: Sources, report: Report) -> None:
+def _report_hidden(environment: Environment, sources: Sources, report: Report) -> None:
     """Report each Python module with parts that hides another module with the same name."""
     from thingc.documents.spec.validation import part_references
     from thingc.geometry.part_source import report_hidden
 
     hiding = [reference for reference in sources.schemas if environment.parts.hiding(reference)]
     if hiding:
-        named = [one for one in part_references(sources.specs, sources.documents) if one[0] in hiding]
-        report_hidden(environment.parts, [*named, *((reference, None) for reference in hiding)], report)
+        part_uses = [use for use in part_references(sources.specs, sources.documents) if use[0] in hiding]
+        report_hidden(environment.parts, [*part_uses, *((reference, None) for reference in hiding)], report)
 
 
 def emit(environment: Environment, compilation: Compilation, targets: Sequence[str], *, verify: int = 1) -> dict[str, Artifacts]:
@@ -390,16 +389,13 @@ def request_of(environment: Environment, compilation: Compilation, *, verify: in
 
 
 def files(environment: Environment, compilation: Compilation, artifacts: Mapping[str, Artifacts]) -> dict[str, Content]:
-    """Return the contents of all files of a build folder, keyed by path in the folder.
-
-    The files are the files of the targets and `manifest.json`.
-    """
+    """Return the contents of all files of a build folder, keyed by path in the folder: the files of the targets, and `manifest.json`."""
     from thingc.targets.artifact import MANIFEST
     from thingc.targets.manifest import BuildChoice, manifest
 
     assembly, documents, settings = _assembly(compilation), compilation.documents, compilation.settings
     assert documents is not None
-    files = {path: content for made in artifacts.values() for path, content in made.files.items()}
+    files = {path: content for target_artifacts in artifacts.values() for path, content in target_artifacts.files.items()}
     files[MANIFEST] = manifest(
         assembly,
         document=documents.root.relative,
@@ -409,13 +405,13 @@ def files(environment: Environment, compilation: Compilation, artifacts: Mapping
             parameters=dict(settings.parameters), choices=dict(settings.choices),
         ),
         files=files,
-        losses=[loss for made in artifacts.values() for loss in made.losses],
+        losses=[loss for target_artifacts in artifacts.values() for loss in target_artifacts.losses],
         workspace=environment.geometry.workspace,
     )
     return files
 
 
-def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
+def report_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
     """Report a warning for each `allow` entry that did not suppress any warning of the commands in `stages`.
 
     If the user set parameters or other values, nothing is reported, because the entries may be needed for the values in the document.
@@ -423,29 +419,26 @@ def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
     settings, documents = compilation.settings, compilation.documents
     if compilation.assembly is None or documents is None or compilation.report.failed or settings.parameters or settings.choices:
         return
-    compilation.report.say_unneeded(documents.root.path, stages)
+    compilation.report.report_unneeded(documents.root.path, stages)
 
 
 def _assembly(compilation: Compilation) -> Assembly:
-    """Return the assembly of a compilation.
-
-    Raises `RuntimeError` if the compilation has failed. The caller must check the report of the compilation first.
-    """
+    """Return the assembly of a compilation without errors. Raises `RuntimeError` if the compilation has failed."""
     if compilation.assembly is None:
         raise RuntimeError("the compilation failed")
     return compilation.assembly
 
 
-def _corners(environment: Environment) -> Callable[[Mesh], tuple[Vector, ...]] | None:
+def _vertex_reader(environment: Environment) -> Callable[[Mesh], tuple[Vector, ...]] | None:
     """Return a function that reads the vertices of a mesh of a part from the store. Return None if the store may not contain the meshes."""
     from thingc.geometry.store.meshes import vertices
 
     return None if environment.options.lock else partial(vertices, environment.store)
 
 
-def _require_modes(wanted: Sequence[str], model: AssemblyDefinition, documents: Documents) -> None:
+def _require_modes(requested: Sequence[str], model: AssemblyDefinition, documents: Documents) -> None:
     names = [mode.name for mode in model.modes]
-    for name in wanted:
+    for name in requested:
         if name not in names:
             raise UnknownChoice(f"`{shown_path(documents.root.path)}` has no mode `{name}`", did_you_mean(name, names, what="modes"))
 

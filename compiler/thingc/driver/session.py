@@ -15,7 +15,7 @@ from thingc.driver.pipeline import Compilation
 from thingc.model.resolve.resolver import Settings, Sources
 from thingc.targets.artifact import Artifacts, Content
 
-REFUSED = 64
+MAX_FAILED = 64
 """Maximum number of failed compilations in the cache. Learning algorithms may request the same settings several times, and a plan requests
 each failed compilation twice.
 """
@@ -32,7 +32,7 @@ class Session:
     def __init__(self, document: str, options: Options) -> None:
         self.environment = Environment(document, options)
         self.sources = pipeline.read(self.environment)
-        self._refused: dict[tuple[object, ...], Compilation] = {}
+        self._failed: dict[tuple[object, ...], Compilation] = {}
 
     def __enter__(self) -> Session:
         return self
@@ -52,21 +52,18 @@ class Session:
         compilation is cached unless parts were built, because the build of a part can succeed next time. Raises `UnknownChoice` for an
         unknown mode.
         """
-        own = self.environment.options
-        settings = Settings(parameters={**own.parameters, **settings.parameters}, choices={**own.choices, **settings.choices})
+        options = self.environment.options
+        settings = Settings(parameters={**options.parameters, **settings.parameters}, choices={**options.choices, **settings.choices})
         key = (*settings.parameters.items(), *settings.choices.items(), *modes)
-        made = self._refused.get(key) or self.passes(self.environment, self.sources, settings, modes)
-        if made.report.failed and not made.modelled:
-            self._refused[key] = made
-            if len(self._refused) > REFUSED:
-                del self._refused[next(iter(self._refused))]
-        return made
+        compilation = self._failed.get(key) or self.passes(self.environment, self.sources, settings, modes)
+        if compilation.report.failed and not compilation.modelled:
+            self._failed[key] = compilation
+            if len(self._failed) > MAX_FAILED:
+                del self._failed[next(iter(self._failed))]
+        return compilation
 
     def passes(self, environment: Environment, sources: Sources | None, settings: Settings, modes: Sequence[str]) -> Compilation:
-        """Run the passes of one compilation. Subclasses can override this method.
-
-        `environment` and `sources` belong to this session, or are copies.
-        """
+        """Run the passes of one compilation. Subclasses can override this method, for example to pass copies of the arguments."""
         return pipeline.recompile(environment, sources, settings, modes)
 
     def emit(self, compilation: Compilation, targets: Sequence[str], *, verify: int = 1) -> dict[str, Artifacts]:

@@ -49,8 +49,8 @@ class ParsedSettings:
 class SettingsReader:
     """Parses settings for a document. A setting assigns a value to a parameter or to a path in the document.
 
-    `parameters` contains the current values of all parameters of the document. `kinds` maps paths to example values. The type of a setting
-    is the type of its example value.
+    `fixed` contains settings that apply to every call. `kinds` maps paths to example values, which determine the type of a setting if the
+    document does not contain its value. `parameters` contains the current values of all parameters of the document.
     """
 
     def __init__(
@@ -61,35 +61,36 @@ class SettingsReader:
         self.fixed = dict(fixed or {})
         self._documents = sources.documents
         self._kinds: dict[str, ExpressionValue | None] = dict(kinds or {})
-        self._meant: dict[str, tuple[str, ...]] = {}
+        self._matches: dict[str, tuple[str, ...]] = {}
         self._numeric: set[str] = set()  # names with numeric settings
 
     def kind(self, name: str) -> ExpressionValue | None:
-        """Return the current value of a parameter or path, from the document or from a default.
+        """Return the current value of a parameter or path, whose type a new value must have.
 
-        A new value in a setting must have the same type. Return None if there is no current value, or if the value cannot be evaluated.
+        The value comes from the document or from a default. Return None if there is no value, or if it cannot be evaluated.
         """
         if name not in self._kinds:
-            known = self._kinds[name] = self.parameters.get(name) if "." not in name else self._value_at(name)
+            current = self._kinds[name] = self.parameters.get(name) if "." not in name else self._value_at(name)
             vector, _, index = name.rpartition(".")
-            if index.isdecimal() and known == Quantity(0.0):  # a bare 0 has the kind of the other elements of the vector
-                others = (self._value_at(f"{vector}.{other}") for other in "012")
-                self._kinds[name] = next((one for one in others if isinstance(one, Quantity) and one.dimension != NUMBER), known)
+            if index.isdecimal() and current == Quantity(0.0):  # a bare 0 has the kind of the other elements of the vector
+                elements = (self._value_at(f"{vector}.{axis}") for axis in "012")
+                quantities = (value for value in elements if isinstance(value, Quantity) and value.dimension != NUMBER)
+                self._kinds[name] = next(quantities, current)
         return self._kinds[name]
 
     def _value_at(self, path: str) -> ExpressionValue | None:
-        section, _, rest = path.partition(".")
-        by_default = f"defaults.{section[:-1]}.{rest.partition('.')[2]}"
-        places = (path, by_default) if section in ("joints", "components") else (path,)
-        for place in (one + inner for inner in ("", ".value") for one in places):  # a mass may have a source
-            stated = current_value(self._documents, place)
-            if isinstance(stated, Expression):
+        section, _, inner_path = path.partition(".")
+        default_path = f"defaults.{section[:-1]}.{inner_path.partition('.')[2]}"
+        paths = (path, default_path) if section in ("joints", "components") else (path,)
+        for candidate in (place + suffix for suffix in ("", ".value") for place in paths):  # a mass may have a source
+            value = current_value(self._documents, candidate)
+            if isinstance(value, Expression):
                 try:
-                    stated = evaluate(stated, self.parameters)
+                    value = evaluate(value, self.parameters)
                 except ExpressionError:
-                    stated = None
-            if stated is not None:
-                return stated
+                    value = None
+            if value is not None:
+                return value
         return nested_parameter_value(self._documents, path)
 
     def matching_names(self, name: str) -> tuple[str, ...]:
@@ -97,28 +98,28 @@ class SettingsReader:
 
         Paths in nested documents are included. If the name does not contain `*`, return only the name.
         """
-        known = self._meant.get(name)
-        if known is None:
+        names = self._matches.get(name)
+        if names is None:
             if "*" not in name:
-                known = (name,)
+                names = (name,)
             elif "." not in name:
-                known = tuple(one for one in self.parameters if fnmatchcase(one, name))
+                names = tuple(parameter for parameter in self.parameters if fnmatchcase(parameter, name))
             else:
-                known = tuple(_everywhere(self._documents, self._documents.root, name.split(".")))
-            self._meant[name] = known
-        return known
+                names = tuple(_find_paths(self._documents, self._documents.root, name.split(".")))
+            self._matches[name] = names
+        return names
 
     def _hint(self, name: str) -> Hint:
         """Return a help text for a pattern that does not match any parameter or path."""
         if "." not in name:
             return did_you_mean(name, self.parameters, what="parameters")
-        met: list[Node] = [self._documents.root.tree]
-        for word in name.split("."):
-            inside = [(key, node) for one in met if isinstance(one, MappingNode) for key, node in one.entries.items()]
-            met = [node for key, node in inside if fnmatchcase(key, word)]
-            if not met:
+        nodes: list[Node] = [self._documents.root.tree]
+        for key_pattern in name.split("."):
+            entries = [(key, node) for parent in nodes if isinstance(parent, MappingNode) for key, node in parent.entries.items()]
+            nodes = [node for key, node in entries if fnmatchcase(key, key_pattern)]
+            if not nodes:
                 break
-        return did_you_mean(word, [key for key, _ in inside])
+        return did_you_mean(key_pattern, [key for key, _ in entries])
 
     def read(self, settings: Mapping[str, Any]) -> ParsedSettings:
         """Parse settings. The given settings take precedence over the settings that are fixed for this reader.
@@ -133,25 +134,25 @@ class SettingsReader:
             message = f"settings must be a mapping from names to values, found {type(settings).__name__} `{settings}`"
             report.add(Code.CHOICE_OPTION, message, None, path=SET, help="write `{'joints.NAME.limit.upper': 1.5}`")
             settings = {}
-        for given, value in (*self.fixed.items(), *settings.items()):
-            if type(value) is float and given in self._numeric:  # this fast path has the same result as the code below
-                numbers[given] = value + 0.0
-                texts.pop(given, None)
+        for pattern, value in (*self.fixed.items(), *settings.items()):
+            if type(value) is float and pattern in self._numeric:  # this fast path has the same result as the code below
+                numbers[pattern] = value + 0.0
+                texts.pop(pattern, None)
                 continue
-            names = self.matching_names(given) if isinstance(given, str) else ()
+            names = self.matching_names(pattern) if isinstance(pattern, str) else ()
             if type(value) is not float:
                 value = _python_value(value)
             if not names:
                 report = report or Report()
-                help = self._hint(given) if isinstance(given, str) else "a name must be a string such as `joints.NAME.limit.upper`"
-                report.add(Code.CHOICE_OPTION, f"the document has no element `{given}`", None, path=f"{SET}{given}", help=help)
+                help = self._hint(pattern) if isinstance(pattern, str) else "a name must be a string such as `joints.NAME.limit.upper`"
+                report.add(Code.CHOICE_OPTION, f"the document has no element `{pattern}`", None, path=f"{SET}{pattern}", help=help)
             for name in names:
                 numbers.pop(name, None)
                 texts.pop(name, None)
                 number = self._number(name, value)
                 if number is not None:
                     numbers[name] = number
-                    if name == given:
+                    if name == pattern:
                         self._numeric.add(name)
                 else:
                     texts[name] = attribute_text(value)
@@ -182,65 +183,66 @@ class SettingsReader:
             kind = self._kinds[name] = Quantity(number, dimension)
         return number if isinstance(kind, Quantity) else None
 
-    def quantities(self, read: ParsedSettings) -> dict[str, Quantity]:
+    def quantities(self, parsed: ParsedSettings) -> dict[str, Quantity]:
         """Return all numeric settings as quantities, which are numbers with a physical dimension."""
         quantities = {}
-        for name, value in zip(read.names, read.values):
+        for name, value in zip(parsed.names, parsed.values):
             kind = self.kind(name)
             assert isinstance(kind, Quantity)
             quantities[name] = Quantity(value, kind.dimension)
         return quantities
 
-    def values(self, read: ParsedSettings) -> dict[str, ExpressionValue]:
-        """Return the values of all parameters and paths that result from the given settings.
+    def values(self, parsed: ParsedSettings) -> dict[str, ExpressionValue]:
+        """Return the values of all parameters of the document, and of the paths in the settings, after the settings are applied.
 
-        The result includes parameters whose expressions depend on other parameters. Values are numbers, booleans and expressions.
+        Parameters whose expressions depend on other parameters are evaluated again.
         """
-        quantities, texts = self.quantities(read), dict(read.texts)
-        known = {name: one for name, one in quantities.items() if isfinite(one.value)}
-        given = {name: texts.get(name, "") for name in (*quantities, *texts) if "." not in name}
-        values = {**self._declared.given_values(given, known), **quantities}
-        stated = {path: _evaluate_text(text, values) for path, text in texts.items() if "." in path}
-        return {**values, **{path: value for path, value in stated.items() if value is not None}}
+        quantities, texts = self.quantities(parsed), dict(parsed.texts)
+        finite = {name: quantity for name, quantity in quantities.items() if isfinite(quantity.value)}
+        texts_by_name = {name: texts.get(name, "") for name in (*quantities, *texts) if "." not in name}
+        values = {**self._declared.given_values(texts_by_name, finite), **quantities}
+        evaluated = {path: _evaluate_text(text, values) for path, text in texts.items() if "." in path}
+        return {**values, **{path: value for path, value in evaluated.items() if value is not None}}
 
-    def as_given(self, settings: Mapping[str, Any]) -> dict[str, str]:
-        """Return the settings whose value is a string, by name. A string is omitted if a numeric setting with the same name follows."""
+    def original_texts(self, settings: Mapping[str, Any]) -> dict[str, str]:
+        """Return the values that are given as strings, keyed by name. If several settings match a name, only the last setting counts."""
         texts: dict[str, str] = {}
-        for given, value in settings.items():
-            for name in self.matching_names(given):
+        for pattern, value in settings.items():
+            for name in self.matching_names(pattern):
                 texts.pop(name, None)
                 if isinstance(value, str):
                     texts[name] = value
         return texts
 
-    def settings(self, read: ParsedSettings, units: Mapping[str, str] | None = None, given: Mapping[str, str] | None = None) -> Settings:
+    def settings(
+        self, parsed: ParsedSettings, units: Mapping[str, str] | None = None, original_texts: Mapping[str, str] | None = None,
+    ) -> Settings:
         """Convert parsed settings to strings for the options `-p` and `--set` of `thingc build`.
 
-        A number is written in the same way as in `given`. If `given` does not contain the number, it is written exactly, in the unit from
-        `units` or in SI units.
+        A value in `original_texts` is used unchanged. Other numbers are formatted exactly, in the unit from `units` or in SI units.
         """
         units = units or {}
-        numbers = {name: text_of(number, units.get(name, "")) for name, number in self.quantities(read).items()}
-        texts = {**numbers, **dict(read.texts), **(given or {})}
+        numbers = {name: text_of(number, units.get(name, "")) for name, number in self.quantities(parsed).items()}
+        texts = {**numbers, **dict(parsed.texts), **(original_texts or {})}
         return Settings(
             parameters={name: text for name, text in texts.items() if "." not in name},
             choices={name: text for name, text in texts.items() if "." in name},
         )
 
 
-def settings_with(own: Settings, values: Mapping[str, Any], report: Report, sources: Sources) -> Settings:
-    """Return a copy of the settings `own` with the additional settings `values`.
+def settings_with(settings: Settings, values: Mapping[str, Any], report: Report, sources: Sources) -> Settings:
+    """Return a copy of `settings` with the additional settings `values`. Unknown names are reported.
 
-    Unknown names are reported. If the document is not a valid assembly, return `own` unchanged.
+    If the document is not a valid assembly, return `settings` unchanged.
     """
     if not isinstance(sources.specs.get(sources.documents.root.relative), AssemblySpec):
-        return own
+        return settings
     reader = SettingsReader(sources)
-    read = reader.read(values)
-    if read.report is not None:
-        report.diagnostics.extend(read.report.diagnostics)
-    more = reader.settings(read)
-    return Settings(parameters={**own.parameters, **more.parameters}, choices={**own.choices, **more.choices})
+    parsed = reader.read(values)
+    if parsed.report is not None:
+        report.diagnostics.extend(parsed.report.diagnostics)
+    added = reader.settings(parsed)
+    return Settings(parameters={**settings.parameters, **added.parameters}, choices={**settings.choices, **added.choices})
 
 
 def _python_value(value: Any) -> Any:
@@ -265,34 +267,34 @@ def _evaluate_text(text: str, names: Mapping[str, ExpressionValue]) -> Expressio
         return None
 
 
-def _everywhere(documents: Documents, document: Document, words: Sequence[str], before: tuple[str, ...] = ()) -> list[str]:
-    """Return all paths in a document and its nested documents that match a pattern. The pattern is a list of keys.
+def _find_paths(documents: Documents, document: Document, pattern: Sequence[str], prefix: tuple[str, ...] = ()) -> list[str]:
+    """Return all paths in a document and its nested documents that match `pattern`, which is a list of keys and patterns of keys.
 
-    For example, `joints.*` matches the joints of the document and of all its nested documents.
+    For example, `joints.*` matches the joints of the document and of all its nested documents. `prefix` is the path of the document.
     """
-    found = _matching(documents, document, document.tree, words, before)
-    components = document.tree.entries.get("components") if words[0] in EVERYWHERE else None
+    paths = _match_below(documents, document, document.tree, pattern, prefix)
+    components = document.tree.entries.get("components") if pattern[0] in EVERYWHERE else None
     for name in entries_of(components):
         inner = nested_document(documents, document, name)
         if inner is not None:
-            found += _everywhere(documents, inner, words, (*before, "components", name))
-    return found
+            paths += _find_paths(documents, inner, pattern, (*prefix, "components", name))
+    return paths
 
 
-def _matching(documents: Documents, document: Document, node: Node | None, words: Sequence[str], before: tuple[str, ...]) -> list[str]:
-    """Return all paths below a node of a document that match a pattern.
+def _match_below(documents: Documents, document: Document, node: Node | None, pattern: Sequence[str], prefix: tuple[str, ...]) -> list[str]:
+    """Return all paths below `node` that match `pattern`. `prefix` is the path of the node.
 
     The document need not contain the keys after the last `*` of the pattern.
     """
-    if before[-2:-1] == ("components",) and words and words[0] in SECTIONS and node is not document.tree:
-        inner = nested_document(documents, document, before[-1])
+    if prefix[-2:-1] == ("components",) and pattern and pattern[0] in SECTIONS and node is not document.tree:
+        inner = nested_document(documents, document, prefix[-1])
         if inner is None:
             return []
         document, node = inner, inner.tree
-    if not any("*" in word for word in words):
-        return [".".join((*before, *words))]
+    if not any("*" in element for element in pattern):
+        return [".".join((*prefix, *pattern))]
     if not isinstance(node, MappingNode):
         return []
-    first, *rest = words
-    names = [key for key in node.entries if fnmatchcase(key, first)]
-    return [path for name in names for path in _matching(documents, document, node.entries[name], rest, (*before, name))]
+    key_pattern, *remaining = pattern
+    names = [key for key in node.entries if fnmatchcase(key, key_pattern)]
+    return [path for name in names for path in _match_below(documents, document, node.entries[name], remaining, (*prefix, name))]

@@ -44,12 +44,12 @@ def fingerprint() -> str:
         for name in sorted(os.listdir(entry)):
             if name.endswith((".dist-info", ".egg-info", ".pth")):
                 digest.update(f"{entry}/{name}\n".encode())
-    own = os.path.dirname(thingc.__file__)
-    for folder, folders, names in os.walk(own):
+    package_folder = os.path.dirname(thingc.__file__)
+    for folder, folders, names in os.walk(package_folder):
         folders[:] = sorted(name for name in folders if name != "__pycache__")
         for name in sorted(names):
             state = os.stat(f"{folder}/{name}")
-            digest.update(f"{folder[len(own):]}/{name} {state.st_size} {state.st_mtime_ns}\n".encode())
+            digest.update(f"{folder[len(package_folder):]}/{name} {state.st_size} {state.st_mtime_ns}\n".encode())
     return digest.hexdigest()
 
 
@@ -87,18 +87,19 @@ def save(
 
     if inputs is None:
         return
-    kept = {"fingerprint": fingerprint(), "inputs": dict(inputs), "diagnostics": [to_plain(d) for d in diagnostics], "answer": dict(answer)}
-    store.note_json("stamp", key, kept)
+    found = [to_plain(d) for d in diagnostics]
+    stamp = {"fingerprint": fingerprint(), "inputs": dict(inputs), "diagnostics": found, "answer": dict(answer)}
+    store.note_json("stamp", key, stamp)
 
 
 def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | None:
     """Return the diagnostics and the result of the last run of a command, or None if an input has changed since the run."""
-    kept = store.get_json("stamp", key)
-    if not isinstance(kept, dict) or any(state_of(path, store) != state for path, state in kept["inputs"].items()):
+    stamp = store.get_json("stamp", key)
+    if not isinstance(stamp, dict) or any(state_of(path, store) != state for path, state in stamp["inputs"].items()):
         return None
-    if kept["fingerprint"] != fingerprint():
+    if stamp["fingerprint"] != fingerprint():
         return None
-    return [from_plain(d) for d in kept["diagnostics"]], dict(kept["answer"])
+    return [from_plain(d) for d in stamp["diagnostics"]], dict(stamp["answer"])
 
 
 def to_plain(d: Diagnostic) -> dict[str, object]:
@@ -112,10 +113,10 @@ def _types() -> dict[str, Any]:
     return get_type_hints(Diagnostic)
 
 
-def from_plain(kept: Mapping[str, object]) -> Diagnostic:
+def from_plain(plain: Mapping[str, object]) -> Diagnostic:
     """Convert the values that `to_plain` returns back to a diagnostic."""
-    fields = {name: msgspec.convert(value, _types()[name]) for name, value in kept.items() if name != "code"}
-    return Diagnostic(code=Code[str(kept["code"])], **fields)
+    fields = {name: msgspec.convert(value, _types()[name]) for name, value in plain.items() if name != "code"}
+    return Diagnostic(code=Code[str(plain["code"])], **fields)
 
 
 def inputs(environment: Environment, compilation: Compilation) -> dict[str, str | None] | None:
@@ -127,13 +128,13 @@ def inputs(environment: Environment, compilation: Compilation) -> dict[str, str 
     workspace, documents = environment.workspace, compilation.documents
     assert workspace is not None and documents is not None
     states = {**workspace.inputs, **{document.path: document.sha256 for document in documents.by_path.values()}}
-    states.update({path: state_of(path, environment.store) for path in looked_at(environment, compilation) if path not in states})
+    states.update({path: state_of(path, environment.store) for path in dependencies_of(environment, compilation) if path not in states})
     changed = any(state is not None and os.stat(path).st_mtime_ns >= environment.started for path, state in states.items())
     return None if changed else states
 
 
-def looked_at(environment: Environment, compilation: Compilation) -> set[str]:
-    """Return the absolute paths of all files and folders on which the result of a compilation depends. The compilation may have errors.
+def dependencies_of(environment: Environment, compilation: Compilation) -> set[str]:
+    """Return the absolute paths of all files and folders on which a compilation depends. The compilation may have errors.
 
     Missing files are included. Files of packages are included only if the packages are tracked by content.
     """

@@ -16,7 +16,7 @@ from thingc.driver.testing.poses import joints_text
 from thingc.driver.testing.references import mount_references
 from thingc.model.solids.clearance import ComparedPair
 
-WORDS = {"proved": "proved", "followed": "followed through loops", "sampled": "sampled"}
+METHOD_TEXTS = {"proved": "proved", "followed": "followed through loops", "sampled": "sampled"}
 """Descriptions of the methods by which pairs are compared."""
 
 
@@ -48,37 +48,40 @@ class Certificate:
             )
 
     def warn(self, allowed: Mapping[tuple[int, int], int]) -> set[int]:
-        """Report the undecided pairs as one warning. Return the indices of the `allow` entries for such pairs."""
+        """Report a warning about the undecided pairs that are not allowed to collide.
+
+        `allowed` maps pairs to the index of their `allow` entry. Return the indices of the entries of undecided pairs.
+        """
         undecided = self._pairs_with("undecided")
-        needed = {allowed[pair.one, pair.other] for pair in undecided if (pair.one, pair.other) in allowed}
-        rest = sorted((pair for pair in undecided if (pair.one, pair.other) not in allowed), key=lambda pair: pair.gap)
-        if rest:
+        used_allowances = {allowed[pair.one, pair.other] for pair in undecided if (pair.one, pair.other) in allowed}
+        open_pairs = sorted((pair for pair in undecided if (pair.one, pair.other) not in allowed), key=lambda pair: pair.gap)
+        if open_pairs:
             test = self._case.linked.test
             self._case.request.report.warn(
-                Code.TEST_UNDECIDED, f"test `{test.name}`: cannot decide whether {self._how(rest[0])}", test.origin,
+                Code.TEST_UNDECIDED, f"test `{test.name}`: cannot decide whether {self._describe_pair(open_pairs[0])}", test.origin,
                 path=f"tests.{test.name}", help="increase the gap, set a finer `mesh` tolerance in thingc.toml, or allow the pair",
-                notes=[Note(message=f"also {self._how(pair)}") for pair in rest[1:]],
+                notes=[Note(message=f"also {self._describe_pair(pair)}") for pair in open_pairs[1:]],
             )
-        return needed
+        return used_allowances
 
-    def _how(self, pair: ComparedPair) -> str:
-        at = joints_text(self._assembly, {one.joint: pair.q[one.joint] for one in self._check.ranges}) if pair.q else ""
-        gap = f" (the gap of the meshes is {format_si(pair.gap, LENGTH)} at {at})" if pair.q else ""
+    def _describe_pair(self, pair: ComparedPair) -> str:
+        position = joints_text(self._assembly, {r.joint: pair.q[r.joint] for r in self._check.ranges}) if pair.q else ""
+        gap = f" (the gap of the meshes is {format_si(pair.gap, LENGTH)} at {position})" if pair.q else ""
         return f"{names_of(self._assembly, pair.one, pair.other, '`')} touch{gap}"
 
     @property
-    def said(self) -> str:
+    def summary(self) -> str:
         """A description of the results."""
-        counts = [f"{format_count(len(pairs), 'pair')} {word}" for method, word in WORDS.items() if (pairs := self._method(method))]
-        others = [
-            f"{format_count(len(pairs), 'pair')} {word}"
-            for verdict, word in (("contact", "in contact"), ("undecided", "undecided")) if (pairs := self._pairs_with(verdict))
+        counts = [f"{format_count(len(pairs), 'pair')} {text}" for method, text in METHOD_TEXTS.items() if (pairs := self._method(method))]
+        rest_texts = [
+            f"{format_count(len(pairs), 'pair')} {text}"
+            for verdict, text in (("contact", "in contact"), ("undecided", "undecided")) if (pairs := self._pairs_with(verdict))
         ]
-        return ", ".join([f"clear over the ranges: {', '.join(counts)}"] * bool(counts) + others) or "no pair moves"
+        return ", ".join([f"clear over the ranges: {', '.join(counts)}"] * bool(counts) + rest_texts) or "no pair moves"
 
     @property
     def measured(self) -> dict[str, list[str]]:
         """The names of the pairs by method, for pairs that are clear, and by result, for other pairs."""
-        groups = {method: self._method(method) for method in WORDS}
+        groups = {method: self._method(method) for method in METHOD_TEXTS}
         groups |= {verdict: self._pairs_with(verdict) for verdict in ("contact", "undecided", "touches")}
         return {name: [names_of(self._assembly, pair.one, pair.other) for pair in pairs] for name, pairs in groups.items()}

@@ -22,7 +22,7 @@ from thingc.model.solids.overlaps import Overlaps, contact_places, reason_to_ski
 from thingc.model.solids.shapes import Solid, Solids
 from thingc.targets.request import EmitRequest
 
-LOOK = 0.01
+SEARCH_DISTANCE = 0.01
 """Largest distance [m] for which the smallest gap between two parts is measured."""
 TOUCH = 1e-9
 """Largest gap [m] between two parts that counts as contact."""
@@ -47,7 +47,7 @@ class NearPair(FrozenStruct):
     where: Keyframe
 
     @property
-    def badness(self) -> tuple[float, float]:
+    def severity(self) -> tuple[float, float]:
         """Sort key of the pair by severity. A deeper overlap has a larger key. Without an overlap, a smaller gap has a larger key."""
         return self.depth, -self.gap
 
@@ -63,16 +63,16 @@ class Collisions:
     def __init__(self, request: EmitRequest) -> None:
         self.assembly, self.overlaps = request.assembly, Overlaps(request.store, request.workspace.mesh.linear, request.memo)
         self._report, shapes = request.report, Solids(request.store)
-        self._solids = {one.index: solid for one in self.assembly.occurrences if (solid := shapes.solid(one)) is not None}
+        self._solids = {part.index: solid for part in self.assembly.occurrences if (solid := shapes.solid(part)) is not None}
         self._bodies: dict[str, BoundedSolid] = {}
-        near, link_of = {_sort_pair(*pair) for pair in joined_links(self.assembly)}, self.assembly.link_of
+        joined, link_of = {_sort_pair(*pair) for pair in joined_links(self.assembly)}, self.assembly.link_of
         indices = sorted(self._solids)
         self.pairs: list[tuple[int, int]] = []
         self.close: set[tuple[int, int]] = set()
         self.skipped: dict[str, dict[tuple[int, int], None]] = {}
         for pair in ((a, b) for k, a in enumerate(indices) for b in indices[k + 1 :]):
-            one, other = (link_of[index] for index in pair)
-            if one != other and _sort_pair(one, other) not in near:
+            first_link, second_link = (link_of[index] for index in pair)
+            if first_link != second_link and _sort_pair(first_link, second_link) not in joined:
                 self.pairs.append(pair)
             elif reason := reason_to_skip(*(self.assembly.occurrences[index] for index in pair)):
                 self._skip(pair, reason)
@@ -84,21 +84,22 @@ class Collisions:
         self.skipped.setdefault(reason, {})[pair] = None
 
     def overlapping(
-        self, poses: Sequence[Pose], frame: Keyframe, allowed: Mapping[tuple[int, int], int], seen: set[object] | None,
+        self, poses: Sequence[Pose], frame: Keyframe, allowed: Mapping[tuple[int, int], int], compared_poses: set[object] | None,
     ) -> Iterator[NearPair]:
         """Yield the overlapping pairs of components on the same link, or on links that a joint connects.
 
-        Pairs are omitted if the document suppresses the warning `TC520` about their overlap. In a sweep, `seen` contains the rounded
-        relative poses that have already been compared. The pair is not compared again at the same rounded pose.
+        Pairs are omitted if the document suppresses the warning `TC520` about their overlap. `allowed` maps pairs to the index of their
+        `allow` entry. In a sweep, `compared_poses` collects the rounded relative poses of each pair, at which the pair is not compared
+        again.
         """
         for pair in self.overlaps.pairs(self.assembly.occurrences, poses):
             one, other = indices = pair.one.index, pair.other.index
             cell = (indices, *(round(number / size) for row, size in zip((*pair.at.rotation, pair.at.translation), CELL) for number in row))
-            if indices not in self.close or (seen is not None and cell in seen):
+            if indices not in self.close or (compared_poses is not None and cell in compared_poses):
                 continue
-            if seen is not None:
-                seen.add(cell)
-            if (shared := self.overlaps.intersection(pair, keep=seen is None)) is None:
+            if compared_poses is not None:
+                compared_poses.add(cell)
+            if (shared := self.overlaps.intersection(pair, keep=compared_poses is None)) is None:
                 continue
             if (reason := self._allowed_reason(pair.one, pair.other)) is None:
                 volume, depth = shared
@@ -106,87 +107,86 @@ class Collisions:
             else:
                 self._skip(indices, f"allowed: {reason}")
 
-    def _allowed_reason(self, one: Occurrence, other: Occurrence) -> str | None:
-        """Return the reason for which the document allows an overlap of two parts on one link, or on links that a joint connects."""
-        places = [*other.origin, *(note.span for note in contact_places(self.assembly, one, other) if note.span)]
+    def _allowed_reason(self, first: Occurrence, second: Occurrence) -> str | None:
+        """Return the reason in the `allow` entry that suppresses the warning about an overlap of two parts, or None without an entry."""
+        places = [*second.origin, *(note.span for note in contact_places(self.assembly, first, second) if note.span)]
         return next((allowance.reason for allowance in self._report.allowances if allowance.covers(Code.OVERLAP, places)), None)
 
     def moving_pairs(
         self, robot: Robot, start: Keyframe, ranges: Sequence[JointRange], clearance: float,
     ) -> tuple[Sweep, list[ComparedPair]]:
-        """Return the robot with moving joints, and the pairs of components that may collide and that move relative to each other."""
+        """Return the sweep of the robot over the ranges, and the pairs of components that move relative to each other and may collide."""
         parts, deep = self.assembly.occurrences, self.overlaps.deep
         sweep = Sweep(robot, start, ranges)
-        close = [(one, other) for one, other in sorted(self.close) if not self._allowed_reason(parts[one], parts[other])]
+        close = [(first, second) for first, second in sorted(self.close) if not self._allowed_reason(parts[first], parts[second])]
         moving = [pair for pair in (*self.pairs, *close) if sweep.moving(*pair)[0]]
         for index in (index for pair in moving for index in pair):
             if parts[index].definition.text not in self._bodies:
                 self._bodies[parts[index].definition.text] = body_of(parts[index], self._solids[index], deep / 2.0)
         bodies = {index: self._bodies[parts[index].definition.text] for pair in moving for index in pair}
         return sweep, [
-            ComparedPair(one, other, (bodies[one], bodies[other]), joined, 0.0 if joined else clearance, deep)
-            for one, other in moving for joined in ((one, other) in self.close,)
+            ComparedPair(first, second, (bodies[first], bodies[second]), joined, 0.0 if joined else clearance, deep)
+            for first, second in moving for joined in ((first, second) in self.close,)
         ]
 
     def certify(
         self, robot: Robot, start: Keyframe, check: CollisionCheck, only: Collection[tuple[int, int]] | None = None,
     ) -> tuple[list[ComparedPair], int]:
-        """Compare all pairs (or `only` these pairs) that move relative to each other in the ranges of a test, in all positions as far as
-        possible.
+        """Compare the pairs that move relative to each other in the ranges of a test, in all positions as far as possible.
 
-        Pairs between which more than `PROVED` ranges move are compared in samples. Return the pairs, and the number of samples in which the
-        loops of the robot do not close.
+        If `only` is given, other pairs are ignored. Pairs whose relative position depends on more than `PROVED` ranges are compared in
+        samples. Return the pairs, and the number of samples in which the loops of the robot do not close.
         """
         sweep, moving = self.moving_pairs(robot, start, check.ranges, check.clearance)
         pairs = [pair for pair in moving if only is None or (pair.one, pair.other) in only]
-        rest = [pair for pair in pairs if len(sweep.moving(pair.one, pair.other)[0]) > PROVED]
-        prove(sweep, [pair for pair in pairs if pair not in rest and not divide(sweep, pair)])
-        missing = sample(sweep, rest, quasi_random(check.samples, len(check.ranges)).tolist()) if rest else 0
+        sampled = [pair for pair in pairs if len(sweep.moving(pair.one, pair.other)[0]) > PROVED]
+        prove(sweep, [pair for pair in pairs if pair not in sampled and not divide(sweep, pair)])
+        missing = sample(sweep, sampled, quasi_random(check.samples, len(check.ranges)).tolist()) if sampled else 0
         return pairs, missing
 
-    def violates(self, near: NearPair, clearance: float) -> bool:
+    def violates(self, pair: NearPair, clearance: float) -> bool:
         """Return whether the two components of a pair are closer to each other than the required clearance [m]."""
-        return near.gap < clearance - TOUCH if clearance > 0.0 else near.depth > self.overlaps.deep
+        return pair.gap < clearance - TOUCH if clearance > 0.0 else pair.depth > self.overlaps.deep
 
     def near_pairs(
-        self, poses: Sequence[Pose], frame: Keyframe, clearance: float, look: float, allowed: Mapping[tuple[int, int], int],
-        needed: Collection[int] = (),
+        self, poses: Sequence[Pose], frame: Keyframe, clearance: float, search_distance: float, allowed: Mapping[tuple[int, int], int],
+        used_allowances: Collection[int] = (),
     ) -> Iterator[NearPair]:
-        """Yield all pairs of components that are closer than `clearance` [m], and the closest pair if it is within `look` [m].
+        """Yield all pairs of components that are closer than `clearance` [m], and the closest pair if it is within `search_distance` [m].
 
-        Only components on links that no joint connects are compared. A pair that the test allows to collide is yielded only if it is closer
-        than `clearance`. `needed` contains the indices of `allow` entries that have already permitted a collision. Pairs of these entries
-        are skipped.
+        Only components on links that no joint connects are compared. `allowed` maps the pairs that the test allows to collide to the index
+        of their `allow` entry. Such a pair is yielded only if it is closer than `clearance`, and skipped if its entry is in
+        `used_allowances`, because the entry has already permitted a collision.
         """
         if not self.pairs:
             return
         boxes = {index: solid.box(poses[index]) for index, solid in self._solids.items()}
-        ones, others = (np.array([boxes[pair[side]] for pair in self.pairs]) for side in (0, 1))
-        between = np.maximum(others[:, 0] - ones[:, 1], ones[:, 0] - others[:, 1])
-        apart = np.linalg.norm(np.maximum(between, 0.0), axis=1)
+        first_boxes, second_boxes = (np.array([boxes[pair[side]] for pair in self.pairs]) for side in (0, 1))
+        separation = np.maximum(second_boxes[:, 0] - first_boxes[:, 1], first_boxes[:, 0] - second_boxes[:, 1])
+        distances = np.linalg.norm(np.maximum(separation, 0.0), axis=1)
         placed: dict[int, Solid] = {}
-        for number in np.argsort(apart, kind="stable"):
+        for number in np.argsort(distances, kind="stable"):
             pair = self.pairs[number]
             allowance = allowed.get(pair)
-            within = max(clearance, TOUCH) if allowance is not None else max(clearance, look, TOUCH)
-            if apart[number] > within or allowance in needed:
+            reach = max(clearance, TOUCH) if allowance is not None else max(clearance, search_distance, TOUCH)
+            if distances[number] > reach or allowance in used_allowances:
                 continue
             for index in pair:
                 if index not in placed:
                     placed[index] = self._solids[index].at(poses[index])
-            one, other = (placed[index] for index in pair)
-            gap = one.gap(other, within)
-            if gap >= within:
+            first, second = (placed[index] for index in pair)
+            gap = first.gap(second, reach)
+            if gap >= reach:
                 continue
-            volume, depth = one.overlap(other) if gap <= 0.0 else (0.0, 0.0)
+            volume, depth = first.overlap(second) if gap <= 0.0 else (0.0, 0.0)
             if allowance is None:
-                look = min(look, gap)
+                search_distance = min(search_distance, gap)
             yield NearPair(one=pair[0], other=pair[1], gap=gap, depth=depth, volume=volume, allowance=allowance, where=frame)
 
 
-def names_of(assembly: Assembly, one: int, other: int, quote: str = "") -> str:
+def names_of(assembly: Assembly, first: int, second: int, quote: str = "") -> str:
     """Return the names of two components, such as `left and right`, each between two quotes `quote`."""
-    return " and ".join(f"{quote}{assembly.occurrences[index].path.replace('/', '.')}{quote}" for index in (one, other))
+    return " and ".join(f"{quote}{assembly.occurrences[index].path.replace('/', '.')}{quote}" for index in (first, second))
 
 
 def skipped_text(skipped: Mapping[str, Sequence[str]]) -> str:
@@ -199,12 +199,12 @@ def skipped_text(skipped: Mapping[str, Sequence[str]]) -> str:
 
 def collisions_of(request: EmitRequest) -> Collisions:
     """Return the pairs of components that may collide, with their shapes. The result is cached for all tests of a document."""
-    known = request.made.get("collisions")
-    if isinstance(known, Collisions):
-        return known
-    made = Collisions(request)
-    request.made["collisions"] = made
-    return made
+    cached = request.made.get("collisions")
+    if isinstance(cached, Collisions):
+        return cached
+    collisions = Collisions(request)
+    request.made["collisions"] = collisions
+    return collisions
 
 
 def _sort_pair(a: int, b: int) -> tuple[int, int]:

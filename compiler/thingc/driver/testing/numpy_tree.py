@@ -54,18 +54,19 @@ class NumpyTree:
         return coordinates(self._joints.values(), free | in_cones(self._balls, free))
 
     def cones(self, x: Array) -> tuple[Array, Array]:
-        """Return the distance of each of k ball joints from its cone limit, and the derivatives `(k, n)` by the joint coordinates.
+        """Return the distance [rad^2] of each of k ball joints from its cone limit, and the derivatives `(k, n)`.
 
-        The distance is the square of the limit angle minus the square of the current angle [rad^2].
+        The distance (k,) is the square of the limit angle minus the square of the current angle. The derivatives are with respect to the
+        joint coordinates `x` (n,).
         """
-        room, slope = [], []
+        distances, derivatives = [], []
         for ball in self._balls:
             if ball[0].limit.cone is not None:
                 columns = [self._column[joint.path] for joint in ball]
-                room.append(ball[0].limit.cone ** 2 - float(x[columns] @ x[columns]))
-                slope.append(np.zeros(len(x)))
-                slope[-1][columns] = -2.0 * x[columns]
-        return np.array(room), np.array(slope).reshape(len(room), len(x))
+                distances.append(ball[0].limit.cone ** 2 - float(x[columns] @ x[columns]))
+                derivatives.append(np.zeros(len(x)))
+                derivatives[-1][columns] = -2.0 * x[columns]
+        return np.array(distances), np.array(derivatives).reshape(len(distances), len(x))
 
     def bodies(self, q: Mapping[str, float]) -> tuple[Pose, ...]:
         """Return the pose of every body in the world at the joint positions `q`."""
@@ -77,24 +78,24 @@ class NumpyTree:
         pose = self._in_link[mount.occurrence] @ assembly.occurrences[mount.occurrence].mounts[mount.mount].pose
         return self._body_of[assembly.link_of[mount.occurrence]], pose
 
-    def jacobian(self, body: int | None, point: Array, q: Mapping[str, float], at: tuple[Pose, ...]) -> Array:
+    def jacobian(self, body: int | None, point: Array, q: Mapping[str, float], poses: tuple[Pose, ...]) -> Array:
         """Return the Jacobian `(6, n)` of a point of a body: three rows for the linear velocity, then three rows for the angular velocity.
 
         `point` (3,) is the position of the point in the world [m]. `body` is the index of the body, or None for the world, whose Jacobian
-        is 0. `at` contains the poses of all bodies at the joint positions `q`.
+        is 0. `poses` contains the poses of all bodies at the joint positions `q`.
         """
-        x, y, z = (float(one) for one in point)
+        x, y, z = (float(coordinate) for coordinate in point)
         J = np.zeros((6, len(self.paths)))
         follows = self._loops.follows(q)
         while body is not None:
             link = self.robot.bodies[body]
-            for joint, twist in in_world(link, at[body], q):
+            for joint, twist in in_world(link, poses[body], q):
                 path, factor = follows[joint.path]
                 J[:, self._column[path]] += factor * np.concatenate(twist.velocity((x, y, z)))
             body = link.parent
         return J
 
-    def closing(self, q: Mapping[str, float]) -> tuple[Array, Array]:
+    def closure_errors(self, q: Mapping[str, float]) -> tuple[Array, Array]:
         """Return the closure errors of all kinematic loops, and their derivatives with respect to the independent joint coordinates.
 
         Each loop has six errors in world axes: the translation [m], then the rotation [rad].

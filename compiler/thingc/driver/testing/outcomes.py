@@ -35,12 +35,11 @@ class Failure(FrozenStruct):
 class Outcome(FrozenStruct):
     """The result of a measurement.
 
-    The fields are the measured and the expected values [SI] by name, a description, and the failure, if any.
-
-    `needed` contains the indices of the `allow` entries that permitted a collision.
+    `summary` is a short text for the list of results. `measured` and `expected` contain values in SI units by name. `failure` is None if
+    the test passed. `needed` contains the indices of the `allow` entries that permitted a collision.
     """
 
-    said: str
+    summary: str
     measured: Mapping[str, Measure] = {}
     expected: Mapping[str, Measure] = {}
     failure: Failure | None = None
@@ -60,32 +59,32 @@ def document_name(drive: JointEdge | LinkedTendon) -> str:
 
 
 def check_bounds(
-    name: str, what: str, value: float, minimum: float | None, maximum: float | None, dimension: Dimension, code: Code,
+    name: str, label: str, value: float, minimum: float | None, maximum: float | None, dimension: Dimension, code: Code,
 ) -> Outcome:
     """Compare a measured value [SI] with its minimum and maximum, which can be None, and return the outcome.
 
-    `name` is the name of the value in the results, and `what` describes the value in messages. `code` is the diagnostic code that is
-    reported if the value is out of bounds.
+    `name` is the name of the value in the results, and `label` its name in messages. `code` is the diagnostic code that is reported
+    if the value is out of bounds.
     """
     measured = format_si(value, dimension)
     expected = {key: bound for key, bound in (("min", minimum), ("max", maximum)) if bound is not None}
-    words = [f"{word} {Quantity(bound, dimension)}" for word, bound in (("at least", minimum), ("at most", maximum)) if bound is not None]
+    limits = [f"{text} {Quantity(bound, dimension)}" for text, bound in (("at least", minimum), ("at most", maximum)) if bound is not None]
     failure = None
-    for key, bound, word in (("min", minimum, "below the minimum"), ("max", maximum, "above the maximum")):
+    for key, bound, text in (("min", minimum, "below the minimum"), ("max", maximum, "above the maximum")):
         slack = ROUNDING * max(abs(bound), abs(value)) if bound is not None else 0.0
         if bound is None or not (value < bound - slack if key == "min" else value > bound + slack):
             continue
         off = abs(value - bound)
         share = f" ({float(f'{100.0 * off / bound:.3g}'):g} %)" if bound else ""
         failure = Failure(
-            code=code, key=key, message=f"{what} is {measured}, {format_si(off, dimension)}{share} {word} of {Quantity(bound, dimension)}",
+            code=code, key=key, message=f"{label} is {measured}, {format_si(off, dimension)}{share} {text} of {Quantity(bound, dimension)}",
         )
-    return Outcome(measured={name: value}, expected=expected, said=f"{name} {measured} ({', '.join(words)})", failure=failure)
+    return Outcome(measured={name: value}, expected=expected, summary=f"{name} {measured} ({', '.join(limits)})", failure=failure)
 
 
 def open_loops_outcome() -> Outcome:
     """Return the outcome of a test in a pose in which the kinematic loops of the robot do not close: a failure."""
-    return Outcome(said="the loops do not close", failure=Failure(
+    return Outcome(summary="the loops do not close", failure=Failure(
         code=Code.TEST_POSE, key="pose", message="the loops of the mode do not close in this pose",
         help="run `thingc info` to list the poses in which the loops close",
     ))
@@ -114,18 +113,18 @@ class TestCase(FrozenStruct):
         return sorted({index for reference in references for index in self.linked.components[reference]})
 
 
-Stated = TypeVar("Stated", bound=OneLineRepr)
+Specification = TypeVar("Stated", bound=OneLineRepr)
 
 
-class TestMeasurement(FrozenStruct, Generic[Stated]):
+class TestMeasurement(FrozenStruct, Generic[Specification]):
     """The functions that measure one kind of document test.
 
-    `measure(case, stated)` measures a single run of a test, where `stated` is the specification of the test. `poses(stated, pose)` returns
-    the poses of a run with the named pose `pose`, such as the poses of a sweep. `finish(linked, outcomes, report)` is called after all runs
-    with their outcomes, if the test ran in all of its modes.
+    `measure(case, specification)` measures a single run of a test. `poses(specification, pose)` returns the poses of a run with the named
+    pose `pose`, such as the poses of a sweep. `finish(linked, outcomes, report)` is called after all runs with their outcomes, if the test
+    ran in all of its modes.
     """
 
-    kind: CheckKind[Any, Stated]
-    measure: Callable[[TestCase, Stated], Outcome]
-    poses: Callable[[Stated, NamedPose], Sequence[NamedPose]] = lambda stated, pose: [pose]
+    kind: CheckKind[Any, Specification]
+    measure: Callable[[TestCase, Specification], Outcome]
+    poses: Callable[[Specification, NamedPose], Sequence[NamedPose]] = lambda specification, pose: [pose]
     finish: Callable[[LinkedTest, Sequence[Outcome], Report], None] | None = None

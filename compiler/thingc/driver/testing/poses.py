@@ -20,16 +20,16 @@ def pose_robot(assembly: Assembly, mode: LinkedMode, poses: Iterable[NamedPose])
 
     Return None if the loops do not close in any of the poses.
     """
-    wanted = {pose.name: pose for pose in poses}
-    others = tuple(pose for pose in assembly.poses if pose.name not in wanted)
-    return root(replace(assembly, poses=(*wanted.values(), *others)), replace(mode, poses=tuple(wanted)), Report())
+    requested = {pose.name: pose for pose in poses}
+    other_poses = tuple(pose for pose in assembly.poses if pose.name not in requested)
+    return root(replace(assembly, poses=(*requested.values(), *other_poses)), replace(mode, poses=tuple(requested)), Report())
 
 
 def starting_pose(assembly: Assembly, mode: LinkedMode) -> NamedPose:
     """Return the start pose of a mode. If the mode does not specify a pose, all joints are at 0."""
-    own = next((pose for pose in assembly.poses if pose.name == mode.pose), None)
-    if own is not None:
-        return own
+    start = next((pose for pose in assembly.poses if pose.name == mode.pose), None)
+    if start is not None:
+        return start
     name = "at_zero"
     while any(pose.name == name for pose in assembly.poses):
         name += "_"
@@ -37,13 +37,10 @@ def starting_pose(assembly: Assembly, mode: LinkedMode) -> NamedPose:
 
 
 def sweep_poses(pose: NamedPose, ranges: tuple[JointRange, ...], samples: int) -> list[NamedPose]:
-    """Return `samples` poses in which the given joints are spread over their ranges.
-
-    All other joints have the same positions as in `pose`.
-    """
+    """Return `samples` poses in which the joints of `ranges` are spread over their ranges. Other joints are positioned as in `pose`."""
     poses: list[NamedPose] = []
-    for number, place in enumerate(quasi_random(samples, len(ranges))):
-        moved = {r.joint: r.lower + float(part) * (r.upper - r.lower) for r, part in zip(ranges, place, strict=True)}
+    for number, point in enumerate(quasi_random(samples, len(ranges))):
+        moved = {r.joint: r.lower + float(fraction) * (r.upper - r.lower) for r, fraction in zip(ranges, point, strict=True)}
         poses.append(NamedPose(name=f"{pose.name}:{number}", values={**pose.values, **moved}, origins=pose.origins, origin=pose.origin))
     return poses
 

@@ -29,4 +29,4 @@ class Result(FrozenStruct):
 
         The result is an empty string for a test that does not depend on the mode and the pose.
         """
-        return ", ".join(word for word in (self.mode, self.pose) if word is not None)
+        return ", ".join(name for name in (self.mode, self.pose) if name is not None)

@@ -25,19 +25,18 @@ BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoc
 class SettleResult(FrozenStruct):
     """The simulated motion of several points of a robot.
 
-    `path` is an array (times, points, 3) [m] of positions, with one time every `step` seconds.
-
-    `deepest` [m] is the largest depth of contacts during the time in which the robot should be at rest.
+    `path` is an array (times, points, 3) of positions [m] in the world, one for every `step` [s]. `deepest` [m] is the largest depth of
+    contacts during the time in which the robot should be at rest.
     """
 
     path: Array
     step: float
     deepest: float
 
-    def rest(self, drift: float) -> float:
+    def rest_time(self, drift: float) -> float:
         """Return the time [s] after which every point stays within `drift` [m] of its final position."""
-        late = np.flatnonzero(self._off() > drift)
-        return 0.0 if not len(late) else (int(late[-1]) + 1) * self.step
+        moving = np.flatnonzero(self._off() > drift)
+        return 0.0 if not len(moving) else (int(moving[-1]) + 1) * self.step
 
     def drift(self, start: float) -> float:
         """Return the largest distance [m] of any point from its final position, between the time `start` [s] and the end."""
@@ -71,7 +70,7 @@ def simulate(
         start_delays(model, data)
         points = _points(robot, model, separator)
         count = max(1, round(seconds / model.opt.timestep))
-        path = np.empty((count + 1, sum(len(own) for _, own in points), 3))
+        path = np.empty((count + 1, sum(len(body_points) for _, body_points in points), 3))
         deepest, start = 0.0, resting - 0.5 * model.opt.timestep
         mujoco.mj_forward(model, data)
         path[0] = _world_points(points, data)
@@ -89,8 +88,8 @@ def simulate(
 
 def scene_model(scene: str, files: Mapping[str, bytes], *, floor: bool) -> mujoco.MjModel:
     """Compile the MuJoCo scene of a mode. If `floor` is False, nothing collides with the floor."""
-    beside = {path.rpartition("/")[2]: data for path, data in files.items()}
-    model = mujoco.MjModel.from_xml_string(files[scene].decode(), beside)
+    assets = {path.rpartition("/")[2]: data for path, data in files.items()}
+    model = mujoco.MjModel.from_xml_string(files[scene].decode(), assets)
     if not floor:
         planes = [
             geom for geom in range(model.ngeom)
@@ -115,14 +114,14 @@ def _points(robot: Robot, model: mujoco.MjModel, separator: str) -> list[tuple[i
         for member, pose in zip(link.members, link.poses, strict=True):
             box = robot.assembly.occurrences[member].box
             if box is not None:
-                points += [_corner(pose, box, which) for which in product((0, 1), repeat=3)]
+                points += [_corner(pose, box, ends) for ends in product((0, 1), repeat=3)]
         per_link.append((model.body(link.name.replace("/", separator)).id, np.array(points)))
     return per_link
 
 
-def _corner(pose: Pose, box: tuple[Vector, Vector], which: tuple[int, ...]) -> Vector:
-    return pose.apply((box[which[0]][0], box[which[1]][1], box[which[2]][2]))
+def _corner(pose: Pose, box: tuple[Vector, Vector], ends: tuple[int, ...]) -> Vector:
+    return pose.apply((box[ends[0]][0], box[ends[1]][1], box[ends[2]][2]))
 
 
 def _world_points(points: list[tuple[int, Array]], data: mujoco.MjData) -> Array:
-    return np.concatenate([own @ data.xmat[body].reshape(3, 3).T + data.xpos[body] for body, own in points])
+    return np.concatenate([body_points @ data.xmat[body].reshape(3, 3).T + data.xpos[body] for body, body_points in points])

@@ -28,7 +28,7 @@ class Selection(FrozenStruct):
     only: tuple[str, ...] = ()
     modes: tuple[str, ...] = ()
 
-    def takes(self, test: LinkedTest) -> bool:
+    def includes(self, test: LinkedTest) -> bool:
         """Return whether the selection includes a test."""
         return not self.only or any(test.test.name == text or fnmatchcase(test.test.name, text) for text in self.only)
 
@@ -41,7 +41,7 @@ def run(request: EmitRequest, selection: Selection, on_result: Callable[[Result]
     """
     results: list[Result] = []
     for linked in request.assembly.tests:
-        if not selection.takes(linked):
+        if not selection.includes(linked):
             continue
         outcomes: list[Outcome] = []
         modes = [mode for mode in request.assembly.modes if mode.name in linked.test.modes]
@@ -55,7 +55,7 @@ def run(request: EmitRequest, selection: Selection, on_result: Callable[[Result]
             )
             outcomes.append(outcome)
             if outcome.failure is not None:
-                _say(linked, result, outcome.failure, request.report)
+                _report_failure(linked, result, outcome.failure, request.report)
                 result = replace(result, diagnostic=request.report.diagnostics[-1])
             results.append(result)
             on_result(result)
@@ -65,15 +65,15 @@ def run(request: EmitRequest, selection: Selection, on_result: Callable[[Result]
     return results
 
 
-def _say(linked: LinkedTest, result: Result, failure: Failure, report: Report) -> None:
+def _report_failure(linked: LinkedTest, result: Result, failure: Failure, report: Report) -> None:
     """Report a failed test as an error, at the location of the violated value in the document."""
     test = linked.test
     span = test.spans.get(failure.key)
-    where = "" if not result.where else ", ".join(
-        f"{what} `{word}`" for what, word in (("mode", result.mode), ("pose", result.pose)) if word is not None
+    location = "" if not result.where else ", ".join(
+        f"{label} `{name}`" for label, name in (("mode", result.mode), ("pose", result.pose)) if name is not None
     )
     report.add(
-        failure.code, f"test `{test.name}`{f' ({where})' if where else ''}: {failure.message}",
+        failure.code, f"test `{test.name}`{f' ({location})' if location else ''}: {failure.message}",
         (span,) if span is not None else test.origin, path=f"tests.{test.name}", help=failure.help, notes=failure.notes,
     )
 
@@ -97,11 +97,11 @@ def _attempts(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMo
         case = TestCase(linked=linked, robot=request.robots[0], request=request)
         yield _Attempt(mode=None, pose=None, run=lambda: measurement.measure(case, check))
         return
-    named = {pose.name for pose in assembly.poses}
+    pose_names = {pose.name for pose in assembly.poses}
     for mode in modes:
         for pose in _poses(request, linked, mode) if kind.takes("pose") else [starting_pose(assembly, mode)]:
-            shown = pose.name if kind.takes("pose") and pose.name in named else None
-            yield _Attempt(mode=mode.name, pose=shown, run=_in_pose(request, linked, mode, pose))
+            pose_name = pose.name if kind.takes("pose") and pose.name in pose_names else None
+            yield _Attempt(mode=mode.name, pose=pose_name, run=_in_pose(request, linked, mode, pose))
 
 
 def _poses(request: EmitRequest, linked: LinkedTest, mode: LinkedMode) -> list[NamedPose]:
@@ -118,13 +118,13 @@ def _in_pose(request: EmitRequest, linked: LinkedTest, mode: LinkedMode, pose: N
     """Return a function without arguments that runs a test in a mode and a pose, and returns the outcome."""
     def run() -> Outcome:
         measurement, check = measurement_of(linked.test.kind), linked.test.check
-        wanted = measurement.poses(check, pose)
-        robot = pose_robot(request.assembly, mode, wanted)
-        frames = () if robot is None else tuple(frame for one in wanted if (frame := keyframe(robot, one)) is not None)
+        poses = measurement.poses(check, pose)
+        robot = pose_robot(request.assembly, mode, poses)
+        frames = () if robot is None else tuple(frame for run_pose in poses if (frame := keyframe(robot, run_pose)) is not None)
         if robot is None or not frames:
             return open_loops_outcome()
         return measurement.measure(
-            TestCase(linked=linked, robot=robot, request=request, frames=frames, missing=len(wanted) - len(frames)), check,
+            TestCase(linked=linked, robot=robot, request=request, frames=frames, missing=len(poses) - len(frames)), check,
         )
 
     return run

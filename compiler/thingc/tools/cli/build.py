@@ -30,7 +30,7 @@ from thingc.documents.workspace import CONSUMERS, Workspace
 from thingc.driver import build_document, pipeline, up_to_date
 from thingc.driver.build_document import BuildRequest, BuildResult
 from thingc.driver.environment import Environment, Options, store_of, with_environment
-from thingc.driver.output import build_folder, manifest_paths, unswept, verify
+from thingc.driver.output import build_folder, has_leftovers, manifest_paths, verify
 from thingc.geometry.store.local import Store
 from thingc.targets.artifact import CARRIED
 from thingc.targets.registry import TARGETS, parse_targets, targets, unknown
@@ -135,7 +135,7 @@ def answer_of(built: BuildResult, folder: str) -> dict[str, Any]:
 def _is_complete(answer: Mapping[str, Any], store: Store) -> bool:
     """Return whether the build folder of an earlier build is complete and unchanged."""
     folder = answer["folder"]
-    if build_folder(*answer["place"]) != folder or unswept(folder):
+    if build_folder(*answer["place"]) != folder or has_leftovers(folder):
         return False
     return up_to_date.state_of(os.path.join(folder, "manifest.json")) == answer["manifest"] and verify(folder, store) is not None
 

@@ -65,7 +65,7 @@ def _run(
     from thingc.driver.testing.test_runner import run as run_tests
 
     selection = _selection(arguments, assembly)
-    width = max((len(linked.test.name) for linked in assembly.tests if selection.takes(linked)), default=0)
+    width = max((len(linked.test.name) for linked in assembly.tests if selection.includes(linked)), default=0)
 
     def on_result(result: Result) -> None:
         results.append(result)
@@ -74,7 +74,7 @@ def _run(
 
     run_tests(pipeline.request_of(environment, compilation), selection, on_result)
     if not selection.only and not selection.modes:
-        pipeline.say_unneeded(compilation, [Stage.CHECK, Stage.TEST])
+        pipeline.report_unneeded(compilation, [Stage.CHECK, Stage.TEST])
     return assembly.name
 
 
@@ -86,7 +86,7 @@ def _selection(arguments: argparse.Namespace, assembly: Assembly) -> Selection:
     names, modes = [linked.test.name for linked in assembly.tests], [mode.name for mode in assembly.modes]
     document = shown_path(arguments.document)
     for text in selection.only:
-        if not any(Selection(only=(text,)).takes(linked) for linked in assembly.tests):
+        if not any(Selection(only=(text,)).includes(linked) for linked in assembly.tests):
             raise UnknownChoice(f"`{document}` has no test `{text}`", did_you_mean(text, names, what="tests"))
     for mode in selection.modes:
         if mode not in modes:
@@ -98,7 +98,7 @@ def _line(result: Result, width: int) -> str:
     """Format a test result as a line of text."""
     where = f"[{result.where}] " if result.where else ""
     verdict = "passed" if result.passed else "FAILED"
-    return f"{verdict}  {result.name.ljust(width)}  {where}{result.outcome.said}  {result.seconds:.2f} s"
+    return f"{verdict}  {result.name.ljust(width)}  {where}{result.outcome.summary}  {result.seconds:.2f} s"
 
 
 def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], diagnostics: Sequence[Diagnostic]) -> None:
@@ -131,6 +131,6 @@ def _data(result: Result) -> dict[str, object]:
     """Return the result of one test for the JSON output. Numbers are in SI units."""
     return {
         "name": result.name, "kind": result.kind, "mode": result.mode, "pose": result.pose, "passed": result.passed,
-        "measured": dict(result.outcome.measured), "expected": dict(result.outcome.expected), "said": result.outcome.said,
+        "measured": dict(result.outcome.measured), "expected": dict(result.outcome.expected), "said": result.outcome.summary,
         "seconds": round(result.seconds, 3),
     }

@@ -18,7 +18,7 @@ from thingc.documents.load.documents import Documents, load
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES
 from thingc.documents.workspace import OWN_FILE, Workspace
 from thingc.driver import pipeline, up_to_date
-from thingc.driver.environment import Environment, Lend, Options
+from thingc.driver.environment import Environment, Options, PartsProvider
 from thingc.geometry.record import PartFailure, PartRecord, PartSchema
 from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.types import AssemblyDefinition
@@ -148,7 +148,7 @@ def is_document_path(path: str) -> bool:
 
 
 def analyse(
-    path: str, opened: Mapping[str, OpenText], options: Options, lend: Lend | None = None, memo: Memo | None = None,
+    path: str, opened: Mapping[str, OpenText], options: Options, lend: PartsProvider | None = None, memo: Memo | None = None,
     last: Analysis | None = None,
 ) -> Analysis:
     """Check the document at an absolute path. The texts `opened` replace files on disk.
@@ -164,7 +164,7 @@ def analyse(
         if os.path.basename(path) == OWN_FILE:
             return _of_workspace(environment, opened, last)
         compilation = pipeline.check(environment)
-        looked_at = up_to_date.looked_at(environment, compilation)
+        looked_at = up_to_date.dependencies_of(environment, compilation)
     report, documents = compilation.report, compilation.documents
     if documents is not None and documents.root.kind == "variants":
         report = Report()

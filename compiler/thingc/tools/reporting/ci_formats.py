@@ -218,7 +218,7 @@ def as_junit(name: str, results: Sequence[Result], others: Sequence[Diagnostic])
         })
         if result.diagnostic is not None:
             _add_diagnostics(ElementTree.SubElement(case, "failure"), [result.diagnostic])
-        ElementTree.SubElement(case, "system-out").text = escape_control(result.outcome.said)
+        ElementTree.SubElement(case, "system-out").text = escape_control(result.outcome.summary)
     ElementTree.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
 

@@ -13,5 +13,5 @@ from thingc.driver.testing.outcomes import TestMeasurement
 
 def measurement_of(kind: str) -> TestMeasurement[Any]:
     """Import the module that measures a type of document test, such as `reach`, and return its `TestMeasurement`."""
-    found: TestMeasurement[Any] = import_module(f"{__name__}.{kind}").MEASUREMENT
-    return found
+    measurement: TestMeasurement[Any] = import_module(f"{__name__}.{kind}").MEASUREMENT
+    return measurement

@@ -45,21 +45,22 @@ class Instant(NamedTuple):
 
 
 def measure(case: TestCase, check: DriveCheck) -> Outcome:
-    """Measure the drive margin during a motion. Return the smallest margin of the tested drives."""
-    motion = with_closed_loops(case.robot, next(one for one in case.robot.assembly.definition.motions if one.name == check.motion))
+    """Measure the smallest margin of the tested drives during a motion: the effort that is available, divided by the effort needed."""
+    motions = {motion.name: motion for motion in case.robot.assembly.definition.motions}
+    motion = with_closed_loops(case.robot, motions[check.motion])
     failure: Failure | None = None
     if motion is None:
-        return Outcome(said="the loops do not close", failure=Failure(
+        return Outcome(summary="the loops do not close", failure=Failure(
             code=Code.TEST_DRIVE, key="motion", message="the loops of the mode do not close during the motion",
             help="change the poses of the motion",
         ))
-    tested = (one for one in instants(case.robot, motion, case.frames[0].base) if one.path in check.joints)
-    worst = min(tested, key=lambda one: round_significant(one.margin, 12))
+    tested = (candidate for candidate in instants(case.robot, motion, case.frames[0].base) if candidate.path in check.joints)
+    worst = min(tested, key=lambda candidate: round_significant(candidate.margin, 12))
     drive = _drives(case.robot)[worst.path]
     name = document_name(drive)
     effort, speed = (TORQUE, ANGULAR_VELOCITY) if drive.turns else (FORCE, VELOCITY)
     needed, available = format_si(abs(worst.effort), effort), format_si(worst.available, effort)
-    fast, when = format_si(abs(worst.speed), speed), f"{worst.time:.4g} s"
+    speed_text, time_text = format_si(abs(worst.speed), speed), f"{worst.time:.4g} s"
     if worst.stuck is not None:
         failure = Failure(
             code=Code.TEST_DRIVE, key="motion", help="add a drive to the joint, or use a mode in which its drive is present",
@@ -68,18 +69,19 @@ def measure(case: TestCase, check: DriveCheck) -> Outcome:
     elif worst.margin < check.minimum:
         failure = Failure(
             code=Code.TEST_DRIVE, key="min",
-            message=f"drive `{name}` needs {needed} at {when}, and can exert {available} at {fast}: "
+            message=f"drive `{name}` needs {needed} at {time_text}, and can exert {available} at {speed_text}: "
             f"the margin is {worst.margin:.3g}, but at least {check.minimum:g} is required",
         )
-    said = f"margin {worst.margin:.3g} at {name}: {needed} of {available} at {fast} and {when} (at least {check.minimum:g})"
+    summary = f"margin {worst.margin:.3g} at {name}: {needed} of {available} at {speed_text} and {time_text}"
+    summary += f" (at least {check.minimum:g})"
     if not isfinite(worst.margin):
-        said = f"{name} carries no load (margin at least {check.minimum:g})"
+        summary = f"{name} carries no load (margin at least {check.minimum:g})"
     return Outcome(
         measured={
             "margin": worst.margin if isfinite(worst.margin) else None, "drive": worst.path, "time": worst.time, "effort": worst.effort,
             "speed": worst.speed, "available": worst.available,
         },
-        expected={"min": check.minimum}, said=said, failure=failure,
+        expected={"min": check.minimum}, summary=summary, failure=failure,
     )
 
 
@@ -90,10 +92,10 @@ def instants(robot: Robot, motion: NamedMotion, base: Pose | None) -> Iterator[I
         state = curve.at(time)
         bodies = body_poses(robot, state.q, base)
         load, moves = problem(robot, state.q, bodies, inertial_loads(robot, bodies, state))
-        held = balance_loads(robot, state.q, bodies, load, moves)
-        stuck = held.where if held.unheld > SLACK else None
+        equilibrium = balance_loads(robot, state.q, bodies, load, moves)
+        stuck = equilibrium.where if equilibrium.unheld > SLACK else None
         for path, coordinates, _, _ in moves:
-            effort, speed = held.by_joint[path], sum_of(factor * state.v[leader] for leader, factor in coordinates)
+            effort, speed = equilibrium.by_joint[path], sum_of(factor * state.v[leader] for leader, factor in coordinates)
             yield Instant(path, time, effort, speed, available(drives[path], effort, speed), stuck)
 
 
@@ -102,20 +104,20 @@ def _drives(robot: Robot) -> dict[str, JointEdge | LinkedTendon]:
 
 
 def available(drive: JointEdge | LinkedTendon, effort: float, speed: float) -> float:
-    """Return the largest effort [N m or N] of a drive in the direction of `effort`, at a speed [rad/s or m/s].
+    """Return the largest effort [N m or N] that a drive can exert at a speed [rad/s or m/s]. The sign of `effort` is the direction.
 
-    The torque-speed line of a drive connects its `stall` effort (by default, its effort limit) at rest with 0 at its velocity limit. The
-    effort limit also applies. A drive that brakes has its whole effort. Above the velocity limit, a drive has no effort. Without a velocity
-    limit, the effort does not depend on the speed.
+    If the drive acts in the direction of motion, its effort falls linearly from its `stall` effort (by default, its effort limit) at rest
+    to 0 at its velocity limit, and is at most its effort limit. If the drive brakes, the effort limit is available. Above the velocity
+    limit, no effort is available. Without a velocity limit, the effort does not depend on the speed.
     """
     limit = drive.limit.effort or 0.0
-    line = drive.actuator.stall if drive.actuator is not None else None
-    stall, fastest = line or (limit, drive.limit.velocity)
-    if fastest is None:
+    stall_and_speed = drive.actuator.stall if drive.actuator is not None else None
+    stall, velocity_limit = stall_and_speed or (limit, drive.limit.velocity)
+    if velocity_limit is None:
         return limit
-    if abs(speed) >= fastest:
+    if abs(speed) >= velocity_limit:
         return 0.0
-    return minimum(limit, stall * (1.0 - abs(speed) / fastest)) if effort * speed > 0.0 else limit
+    return minimum(limit, stall * (1.0 - abs(speed) / velocity_limit)) if effort * speed > 0.0 else limit
 
 
 MEASUREMENT = TestMeasurement(kind=KIND, measure=measure)

@@ -27,37 +27,37 @@ def measure(case: TestCase, check: GroundClearance) -> Outcome:
     heights = sorted(_heights(case, check))
     if not heights:
         shapeless = Failure(code=Code.TEST_CLEARANCE, key="except", message="no checked part has a shape")
-        return Outcome(expected=expected, said="no shape", failure=shapeless)
-    (height, shown), *above = ((height, path.replace("/", ".")) for height, path in heights)
+        return Outcome(expected=expected, summary="no shape", failure=shapeless)
+    (height, name), *others = ((height, path.replace("/", ".")) for height, path in heights)
     failure: Failure | None = None
     if height < check.least:
-        others = [Note(message=f"`{name}` is also {_format_height(other)}") for other, name in above if other < check.least]
+        other_notes = [Note(message=f"`{other}` is also {_format_height(low)}") for low, other in others if low < check.least]
         failure = Failure(
-            code=Code.TEST_CLEARANCE, key="at_least", notes=tuple(first_notes(others, LISTED, "more part")),
-            message=f"the lowest point of `{shown}` is {_format_height(height)}, but at least {Quantity(check.least, LENGTH)} is required",
-            help=f"if this is intended, add `except: [{shown}]`",
+            code=Code.TEST_CLEARANCE, key="at_least", notes=tuple(first_notes(other_notes, LISTED, "more part")),
+            message=f"the lowest point of `{name}` is {_format_height(height)}, but at least {Quantity(check.least, LENGTH)} is required",
+            help=f"if this is intended, add `except: [{name}]`",
         )
     return Outcome(
         measured={"clearance": height, "part": heights[0][1]}, expected=expected,
-        said=f"{shown} {_format_height(height)} (at least {Quantity(check.least, LENGTH)})", failure=failure,
+        summary=f"{name} {_format_height(height)} (at least {Quantity(check.least, LENGTH)})", failure=failure,
     )
 
 
 def _heights(case: TestCase, check: GroundClearance) -> Iterator[tuple[float, str]]:
-    """Yield the height [m] of each part above the ground plane, measured at its lowest point, and the path of the part.
+    """Yield the height [m] of the lowest point of each part above the ground plane, and the path of the part.
 
-    The lowest part and all parts that are too low are always yielded. Parts whose bounding boxes show that they are higher may be omitted.
+    Parts that are neither too low nor the lowest part may be omitted, if their bounding boxes are high enough.
     """
-    spared = {index for reference in check.spared for index in case.linked.components[reference]}
+    ignored = {index for reference in check.spared for index in case.linked.components[reference]}
     poses = occurrence_poses(case.robot, case.frames[0].q, case.frames[0].base)
     boxed = [
         (pose.translation[2] + of_box(occurrence.box, pose.rotation[2]) - ROUNDING, occurrence, pose)
         for occurrence, pose in zip(case.robot.assembly.occurrences, poses, strict=True)
-        if occurrence.box is not None and any(map(_has_end, occurrence.solids)) and occurrence.index not in spared
+        if occurrence.box is not None and any(map(_has_end, occurrence.solids)) and occurrence.index not in ignored
     ]
     lowest = inf
-    for under, occurrence, pose in sorted(boxed, key=lambda entry: (entry[0], entry[1].path)):
-        if under >= maximum(check.plane + check.least, lowest):
+    for lower_bound, occurrence, pose in sorted(boxed, key=lambda entry: (entry[0], entry[1].path)):
+        if lower_bound >= maximum(check.plane + check.least, lowest):
             break
         low = minimum(_low(case, occurrence, number, pose) for number, surface in enumerate(occurrence.solids) if _has_end(surface))
         lowest = minimum(lowest, low)
@@ -77,10 +77,10 @@ def _low(case: TestCase, occurrence: Occurrence, number: int, pose: Pose) -> flo
     surface = occurrence.solids[number]
     if isinstance(surface.solid, Primitive):
         return pose.translation[2] + surface.solid.lowest(pose.rotation[2])
-    store, mesh, placed = case.request.store, surface.solid, pose @ surface.pose
-    place = ("true mesh_vertices", occurrence.path, number)
-    points = case.request.memo(place, partial(vertices_of, partial(vertices, store), mesh), mesh.sha256)
-    return placed.translation[2] + of_points(points, placed.rotation[2])
+    store, mesh, X_WS = case.request.store, surface.solid, pose @ surface.pose
+    key = ("true mesh_vertices", occurrence.path, number)
+    points = case.request.memo(key, partial(vertices_of, partial(vertices, store), mesh), mesh.sha256)
+    return X_WS.translation[2] + of_points(points, X_WS.rotation[2])
 
 
 def _format_height(height: float) -> str:

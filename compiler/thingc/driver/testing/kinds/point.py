@@ -22,28 +22,28 @@ def measure(case: TestCase, check: PointCheck) -> Outcome:
     failure: Failure | None = None
     if best is None:
         failure = Failure(code=Code.TEST_POINT, key="at", message="the loops of the robot did not close in any position that was tried")
-        return Outcome(expected=expected, said="no position", failure=failure)
-    distance, off, joints = best
-    said = f"{format_si(distance, LENGTH)} from the point ({target}"
+        return Outcome(expected=expected, summary="no position", failure=failure)
+    distance, angle, joints = best
+    summary = f"{format_si(distance, LENGTH)} from the point ({target}"
     measured: dict[str, Measure] = {"distance": distance}
     if check.direction is not None:
-        measured["angle"] = off
-        said += f"; {format_si(off, ANGLE)} from the direction, at most {Quantity(check.angle, ANGLE)}"
-    where = joints_text(case.robot.assembly, joints)
-    notes = (Note(message=f"joint values of the nearest position: {where}"),) if where else ()
+        measured["angle"] = angle
+        summary += f"; {format_si(angle, ANGLE)} from the direction, at most {Quantity(check.angle, ANGLE)}"
+    position_text = joints_text(case.robot.assembly, joints)
+    notes = (Note(message=f"joint values of the nearest position: {position_text}"),) if position_text else ()
     if distance > check.within:
         failure = Failure(
             code=Code.TEST_POINT, key="at", notes=notes,
             message=f"the smallest distance between `{check.mount.text}` and the point is {format_si(distance, LENGTH)}, but at most "
             f"{Quantity(check.within, LENGTH)} is allowed",
         )
-    elif check.direction is not None and off > check.angle:
+    elif check.direction is not None and angle > check.angle:
         failure = Failure(
             code=Code.TEST_POINT, key="direction", notes=notes,
-            message=f"`{check.mount.text}` reaches the point, but its direction is wrong by at least {format_si(off, ANGLE)}; "
+            message=f"`{check.mount.text}` reaches the point, but its direction is wrong by at least {format_si(angle, ANGLE)}; "
             f"at most {Quantity(check.angle, ANGLE)} is allowed",
         )
-    return Outcome(measured={**measured, "joints": joints}, expected=expected, said=f"{said})", failure=failure)
+    return Outcome(measured={**measured, "joints": joints}, expected=expected, summary=f"{summary})", failure=failure)
 
 
 MEASUREMENT = TestMeasurement(kind=KIND, measure=measure)

@@ -25,10 +25,10 @@ def measure(case: TestCase, check: ReachCheck) -> Outcome:
         return open_loops_outcome()
     best, joints = farthest(robot, case.linked.mounts[check.of], case.linked.mounts[check.base], case.linked.test.origin)
     outcome = check_bounds("reach", "the reach", best, check.minimum, check.maximum, LENGTH, Code.TEST_REACH)
-    where = joints_text(assembly, joints)
+    position_text = joints_text(assembly, joints)
     if outcome.failure is not None:
         message = f"{outcome.failure.message}, over the ranges of all joints"
-        note = Note(message=f"joint values of the farthest position: {where}") if where else None
+        note = Note(message=f"joint values of the farthest position: {position_text}") if position_text else None
         outcome = replace(outcome, failure=replace(outcome.failure, message=message, notes=(note,) if note else ()))
     return replace(outcome, measured={**outcome.measured, "joints": joints})
 

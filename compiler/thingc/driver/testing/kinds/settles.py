@@ -24,7 +24,7 @@ def measure(case: TestCase, check: SettleCheck) -> Outcome:
     if report.failed:
         for diagnostic in report.diagnostics:
             case.request.report.say(diagnostic)
-        return Outcome(said="no model", failure=Failure(code=Code.TEST_SETTLES, key="", message="MuJoCo rejects the model"))
+        return Outcome(summary="no model", failure=Failure(code=Code.TEST_SETTLES, key="", message="MuJoCo rejects the model"))
     files = artifacts.contents(case.request.store)
     scene = f"mjcf/scene_{case.robot.mode.name}.xml"
     motion = simulate(
@@ -36,19 +36,21 @@ def measure(case: TestCase, check: SettleCheck) -> Outcome:
 
 def _compare(check: SettleCheck, motion: SettleResult) -> Outcome:
     """Compare the simulated motion of the robot with the limits that the test specifies."""
-    rest, drift, moved, deepest = motion.rest(check.drift), motion.drift(check.within), motion.moved, motion.deepest
+    rest_time, drift, moved, deepest = motion.rest_time(check.drift), motion.drift(check.within), motion.moved, motion.deepest
     # At the last instant, every point is at its final position, so the points must also be at rest for some time before.
-    settled = rest <= check.within + 1e-9
-    measured: dict[str, Measure] = {"rest": rest if settled else None, "drift": drift, "moved": moved, "penetration": maximum(deepest, 0.0)}
+    settled = rest_time <= check.within + 1e-9
+    measured: dict[str, Measure] = {
+        "rest": rest_time if settled else None, "drift": drift, "moved": moved, "penetration": maximum(deepest, 0.0),
+    }
     expected: dict[str, Measure] = {
         "within": check.within, "drift": check.drift, "for": check.hold, "penetration": check.penetration,
         **({} if check.moved is None else {"moved": check.moved}),
     }
-    far, deep = format_si(moved, LENGTH), format_si(maximum(deepest, 0.0), LENGTH)
-    said = f"at rest after {rest:.3g} s (drift {format_si(drift, LENGTH)}), {far} from the pose, contacts {deep} deep"
+    moved_text, depth = format_si(moved, LENGTH), format_si(maximum(deepest, 0.0), LENGTH)
+    summary = f"at rest after {rest_time:.3g} s (drift {format_si(drift, LENGTH)}), {moved_text} from the pose, contacts {depth} deep"
     failure = None
     if not settled:
-        said = f"not at rest after {check.within:g} s"
+        summary = f"not at rest after {check.within:g} s"
         failure = Failure(
             code=Code.TEST_SETTLES, key="within",
             message=f"after {Quantity(check.within, TIME)} the robot still moves by {format_si(drift, LENGTH)} in "
@@ -57,20 +59,20 @@ def _compare(check: SettleCheck, motion: SettleResult) -> Outcome:
     elif check.moved is not None and moved > check.moved:
         failure = Failure(
             code=Code.TEST_SETTLES, key="moved",
-            message=f"the robot comes to rest {far} from the pose, but at most {Quantity(check.moved, LENGTH)} is allowed",
+            message=f"the robot comes to rest {moved_text} from the pose, but at most {Quantity(check.moved, LENGTH)} is allowed",
         )
     elif deepest > check.penetration:
         failure = Failure(
             code=Code.TEST_SETTLES, key="penetration",
-            message=f"the contacts of the robot are {deep} deep at rest, but at most {Quantity(check.penetration, LENGTH)} is allowed",
+            message=f"the contacts of the robot are {depth} deep at rest, but at most {Quantity(check.penetration, LENGTH)} is allowed",
             help="start on the floor (`at: {on: floor}` of the mode) and without overlaps; if contacts are meant to be this soft, "
             "increase `penetration`",
         )
-    return Outcome(measured=measured, expected=expected, said=said, failure=failure)
+    return Outcome(measured=measured, expected=expected, summary=summary, failure=failure)
 
 
 def _divergence(time: float) -> Outcome:
-    return Outcome(measured={"diverged": time}, said=f"diverges after {time:.3g} s", failure=Failure(
+    return Outcome(measured={"diverged": time}, summary=f"diverges after {time:.3g} s", failure=Failure(
         code=Code.TEST_SETTLES, key="", message=f"the simulation diverges after {time:.3g} s",
         help="reduce `simulation: {timestep: ...}`, or look for parts that overlap in the pose",
     ))

@@ -34,90 +34,92 @@ Contribution = tuple[str, list[float]]
 
 
 def measure(case: TestCase, check: StackCheck) -> Outcome:
-    """Compute the largest deviation [m] and the root of the sum of squares [m] of all contributions along a direction."""
-    robot, base, of = case.robot, case.linked.mounts[check.base], case.linked.mounts[check.of]
-    path = _path(robot.assembly, base.occurrence, of.occurrence)
+    """Compute the deviation of a mount along a direction: its largest value [m], and the root of the sum of squares [m]."""
+    robot, base, end = case.robot, case.linked.mounts[check.base], case.linked.mounts[check.of]
+    path = _path(robot.assembly, base.occurrence, end.occurrence)
     closed = {joint.path for mate in path for joint in mate.joints} & on_loops(len(robot.assembly.occurrences), robot.assembly.mates)
     if closed:
         message = f"joint `{sorted(closed)[0].replace('/', '.')}` is on a closed loop, for which deviations are not computed"
         failure = Failure(code=Code.TEST_STACK, key="of", message=message, help="use mounts between which no loop is closed")
-        return Outcome(said="closed loop", failure=failure)
-    found = list(_contributions(robot, case.frames[0], check.along, base, of, path))
-    if not found:
+        return Outcome(summary="closed loop", failure=failure)
+    contributions = list(_contributions(robot, case.frames[0], check.along, base, end, path))
+    if not contributions:
         message = "no part, joint or fit between the mounts has a tolerance"
         failure = Failure(code=Code.TEST_STACK, key="of", message=message, help="add `tolerance` to the `process` of a material")
-        return Outcome(said="no tolerance", failure=failure)
-    worst = sum_of(abs(one) for _, several in found for one in several)
-    rss = hypot(*(one for _, several in found for one in several))
+        return Outcome(summary="no tolerance", failure=failure)
+    worst = sum_of(abs(deviation) for _, deviations in contributions for deviation in deviations)
+    rss = hypot(*(deviation for _, deviations in contributions for deviation in deviations))
     bounds = (("worst", "the largest deviation", worst, check.worst), ("rss", "the root of the sum of squares", rss, check.rss))
     measured: dict[str, Measure] = {"worst": worst, "rss": rss}
     expected: dict[str, Measure] = {key: bound for key, _, _, bound in bounds if bound is not None}
-    said = f"worst {format_si(worst, LENGTH)}, RSS {format_si(rss, LENGTH)} of {format_count(len(found), 'contributor')}"
+    summary = f"worst {format_si(worst, LENGTH)}, RSS {format_si(rss, LENGTH)} of {format_count(len(contributions), 'contributor')}"
     faults = [
-        (key, f"{what} is {format_si(value, LENGTH)}, but at most {Quantity(bound, LENGTH)} is allowed")
-        for key, what, value, bound in bounds if bound is not None and value > bound * (1.0 + ROUNDING)
+        (key, f"{description} is {format_si(value, LENGTH)}, but at most {Quantity(bound, LENGTH)} is allowed")
+        for key, description, value, bound in bounds if bound is not None and value > bound * (1.0 + ROUNDING)
     ]
     if check.within is not None and check.share is not None:
         # three standard deviations of a normal distribution
         share = erf(3.0 * check.within / (sqrt(2.0) * rss)) if rss > 0.0 else 1.0
         measured["yield"], expected["yield"] = share, check.share
-        within = f"{100.0 * share:.4g} % of all robots are within {Quantity(check.within, LENGTH)}"
-        said = f"{said}; {within}"
+        share_text = f"{100.0 * share:.4g} % of all robots are within {Quantity(check.within, LENGTH)}"
+        summary = f"{summary}; {share_text}"
         if share < check.share:
-            faults.append(("yield", f"{within}, but {100.0 * check.share:g} % are required"))
+            faults.append(("yield", f"{share_text}, but {100.0 * check.share:g} % are required"))
     if not faults:
-        return Outcome(measured=measured, expected=expected, said=said)
-    failure = Failure(
-        code=Code.TEST_STACK, key=faults[0][0], message="; ".join(text for _, text in faults), notes=tuple(_shares(found, rss)),
-    )
-    return Outcome(measured=measured, expected=expected, said=said, failure=failure)
+        return Outcome(measured=measured, expected=expected, summary=summary)
+    message, notes = "; ".join(text for _, text in faults), tuple(_largest_shares(contributions, rss))
+    failure = Failure(code=Code.TEST_STACK, key=faults[0][0], message=message, notes=notes)
+    return Outcome(measured=measured, expected=expected, summary=summary, failure=failure)
 
 
-def _shares(found: Sequence[Contribution], rss: float) -> list[Note]:
-    """Return notes with the largest contributors and their shares of the variance."""
-    squares = sorted(((sum_of(one * one for one in several), name) for name, several in found), key=lambda one: (-one[0], one[1]))
-    shares = [Note(message=f"{100.0 * square / rss**2:.3g} % from {name}: {format_si(sqrt(square), LENGTH)}") for square, name
-    in squares]
+def _largest_shares(contributions: Sequence[Contribution], rss: float) -> list[Note]:
+    """Return notes that list the largest contributors and their shares of the variance. `rss` [m] is the root of the sum of squares."""
+    squares = [(sum_of(value * value for value in deviations), name) for name, deviations in contributions]
+    squares.sort(key=lambda pair: (-pair[0], pair[1]))
+    shares = [Note(message=f"{100.0 * square / rss**2:.3g} % from {name}: {format_si(sqrt(square), LENGTH)}") for square, name in squares]
     return first_notes(shares, LISTED, "other contributor")
 
 
 def _path(assembly: Assembly, start: int, end: int) -> list[Mate]:
     """Return the mates between two occurrences, from the first to the second."""
     neighbours = neighbourhood(len(assembly.occurrences), assembly.mates)
-    before: dict[int, Mate | None] = {end: None}
-    waiting = [end]
-    while waiting:
-        here = waiting.pop()
-        for mate in (assembly.mates[number] for number in neighbours[here]):
-            there = mate.parent if mate.child == here else mate.child
-            if there not in before:
-                before[there] = mate
-                waiting.append(there)
+    steps: dict[int, Mate | None] = {end: None}
+    stack = [end]
+    while stack:
+        current = stack.pop()
+        for mate in (assembly.mates[number] for number in neighbours[current]):
+            neighbour = mate.parent if mate.child == current else mate.child
+            if neighbour not in steps:
+                steps[neighbour] = mate
+                stack.append(neighbour)
     path: list[Mate] = []
-    while (step := before[start]) is not None:
+    while (step := steps[start]) is not None:
         path.append(step)
         start = step.parent if step.child == start else step.child
     return path
 
 
 def _contributions(
-    robot: Robot, frame: Keyframe, along: Vector, base: MountAt, of: MountAt, path: Sequence[Mate],
+    robot: Robot, frame: Keyframe, along: Vector, base: MountAt, end_mount: MountAt, path: Sequence[Mate],
 ) -> Iterator[Contribution]:
-    """Yield the contributions of all mounts and joints between two mounts, for the direction `along` in the frame of the mount `base`."""
+    """Yield the contributions of all mounts, fits and joints on a path between the mounts `base` and `end_mount`.
+
+    `path` contains the mates between the components of the two mounts. `along` is a unit vector in the frame of `base`.
+    """
     assembly = robot.assembly
-    at = occurrence_poses(robot, frame.q, frame.base)
-    direction = rotate((at[base.occurrence] @ _mount(assembly, base.occurrence, base.mount)).rotation, along)
-    end = (at[of.occurrence] @ _mount(assembly, of.occurrence, of.mount)).translation
-    here, entered = base.occurrence, base.mount
+    poses = occurrence_poses(robot, frame.q, frame.base)
+    direction = rotate((poses[base.occurrence] @ _mount(assembly, base.occurrence, base.mount)).rotation, along)
+    end = (poses[end_mount.occurrence] @ _mount(assembly, end_mount.occurrence, end_mount.mount)).translation
+    current, entry_mount = base.occurrence, base.mount
     for mate in path:
-        forward = mate.parent == here
-        left, next_mount = (mate.parent_mount, mate.child_mount) if forward else (mate.child_mount, mate.parent_mount)
-        if left != entered:  # both mounts deviate from the frame of the part
-            yield from _of_mounts(assembly, at, here, (entered, left), direction, end)
-        yield from _of_fit(assembly, at, mate, direction)
-        here, entered = mate.child if forward else mate.parent, next_mount
-    if of.mount != entered:
-        yield from _of_mounts(assembly, at, here, (entered, of.mount), direction, end)
+        forward = mate.parent == current
+        exit_mount, next_mount = (mate.parent_mount, mate.child_mount) if forward else (mate.child_mount, mate.parent_mount)
+        if exit_mount != entry_mount:  # both mounts deviate from the frame of the part
+            yield from _mount_contributions(assembly, poses, current, (entry_mount, exit_mount), direction, end)
+        yield from _fit_contributions(assembly, poses, mate, direction)
+        current, entry_mount = mate.child if forward else mate.parent, next_mount
+    if end_mount.mount != entry_mount:
+        yield from _mount_contributions(assembly, poses, current, (entry_mount, end_mount.mount), direction, end)
     play = {joint.path: joint.actuator.backlash for mate in path for joint in mate.joints if joint.actuator and joint.actuator.backlash}
     for body, pose in zip(robot.bodies, body_poses(robot, frame.q, frame.base), strict=True):
         for joint, twist in in_world(body, pose, frame.q):
@@ -126,30 +128,33 @@ def _contributions(
                 yield f"the backlash of `{joint.name}`", [0.5 * play[joint.path] * dot(velocity, direction)]
 
 
-def _of_mounts(
-    assembly: Assembly, at: Sequence[Pose], index: int, mounts: Sequence[str], direction: Vector, end: Vector,
+def _mount_contributions(
+    assembly: Assembly, poses: Sequence[Pose], index: int, mounts: Sequence[str], direction: Vector, end: Vector,
 ) -> Iterator[Contribution]:
-    """Yield the contributions of mounts of a part. The mount `origin` is the frame of the part and does not deviate from it."""
+    """Yield the contributions of the mounts `mounts` of one part. The mount `origin`, which is the frame of the part, does not deviate.
+
+    `index` is the index of the part, `direction` a unit vector and `end` the position [m] of the end of the chain, both in the world.
+    """
     occurrence = assembly.occurrences[index]
     process = process_of(occurrence.component, occurrence.material)
     for name in mounts:
         if process is None or name == "origin" or process.tolerance is None and process.tilt is None:
             continue
-        arm = add_scaled(end, at[index].apply(occurrence.mounts[name].pose.translation), -1.0)
-        axes = [rotate(at[index].rotation, axis) for axis in AXES]
+        arm = add_scaled(end, poses[index].apply(occurrence.mounts[name].pose.translation), -1.0)
+        axes = [rotate(poses[index].rotation, axis) for axis in AXES]
         shifts = [(process.tolerance or 0.0) * dot(axis, direction) for axis in axes]
         tilts = [(process.tilt or 0.0) * dot(cross(axis, arm), direction) for axis in axes]
         yield f"`{occurrence.path.replace('/', '.')}.{name}`", [*shifts, *tilts]
 
 
-def _of_fit(assembly: Assembly, at: Sequence[Pose], mate: Mate, direction: Vector) -> Iterator[Contribution]:
+def _fit_contributions(assembly: Assembly, poses: Sequence[Pose], mate: Mate, direction: Vector) -> Iterator[Contribution]:
     """Yield the contribution of a boss that is loose in a bore: half of the difference of the diameters, in any radial direction."""
     ends = [assembly.occurrences[index].mounts[name] for index, name in ((mate.parent, mate.parent_mount), (mate.child, mate.child_mount))]
-    for one, other in (ends, ends[::-1]):
-        bores = [feature.diameter for feature in one.features if isinstance(feature, Bore)]
-        bosses = [feature.diameter for feature in other.features if isinstance(feature, Boss)]
+    for first, second in (ends, ends[::-1]):
+        bores = [feature.diameter for feature in first.features if isinstance(feature, Bore)]
+        bosses = [feature.diameter for feature in second.features if isinstance(feature, Boss)]
         if len(bores) == len(bosses) == 1 and bores[0] > bosses[0]:
-            rotation = (at[mate.parent] @ ends[0].pose).rotation
+            rotation = (poses[mate.parent] @ ends[0].pose).rotation
             across = hypot(*(dot(rotate(rotation, axis), direction) for axis in AXES[:2]))
             name = f"{assembly.occurrences[mate.child].path.replace('/', '.')}.{mate.child_mount}"
             yield f"the play of `{name}`", [0.5 * (bores[0] - bosses[0]) * across]

@@ -25,52 +25,52 @@ SLACK = 1e-6
 
 
 def measure(case: TestCase, check: TorqueCheck) -> Outcome:
-    """Measure the torque margin, which is the ratio of effort limit to static effort. Return the smallest margin of the tested drives."""
+    """Measure the smallest torque margin of the tested drives. The margin is the ratio of the effort limit to the static effort."""
     robot, frame = case.robot, case.frames[0]
     bodies = body_poses(robot, frame.q, frame.base)
     joints: dict[str, JointEdge | LinkedTendon] = {joint.path: joint for joint in joints_of(robot.assembly)}
     joints |= {tendon.path: tendon for tendon in robot.assembly.tendons}
-    held = static_efforts(robot, frame.q, bodies, case.request.memo)
-    efforts, margins, choices = held.by_joint, held.margins, held.choices
-    least = _weakest(check, margins)
+    equilibrium = static_efforts(robot, frame.q, bodies, case.request.memo)
+    efforts, margins, choices = equilibrium.by_joint, equilibrium.margins, equilibrium.choices
+    weakest = _weakest(check, margins)
     names = {path: document_name(joint) for path, joint in joints.items()}
-    text = _effort(joints[least], efforts[least])
-    limit = _effort(joints[least], joints[least].limit.effort or 0.0)
+    text = _effort(joints[weakest], efforts[weakest])
+    limit = _effort(joints[weakest], joints[weakest].limit.effort or 0.0)
     measured: dict[str, Measure] = {
-        "margin": margins[least] if isfinite(margins[least]) else None, "drive": least, "effort": efforts[least],
+        "margin": margins[weakest] if isfinite(margins[weakest]) else None, "drive": weakest, "effort": efforts[weakest],
         "efforts": {path: efforts[path] for path in check.joints},
     }
     expected: dict[str, Measure] = {"min": check.minimum}
-    unsteady = _unsteady(robot, frame.q, bodies, held)
-    if unsteady is not None:
-        return Outcome(measured=measured, expected=expected, said=unsteady[0], failure=unsteady[1])
+    moving = _moving_outcome(robot, frame.q, bodies, equilibrium)
+    if moving is not None:
+        return Outcome(measured=measured, expected=expected, summary=moving[0], failure=moving[1])
     notes: list[Note] = []
-    aside = ""
+    remarks = ""
     if choices:
         measured["undetermined"] = choices
         notes.append(Note(message="several combinations of efforts hold the pose: the smallest efforts are shown"))
-        aside = ", one of many solutions"
-    slippery = _without_friction(robot, frame, bodies, check)
-    if slippery is not None:
-        measured["margin_without_friction"] = slippery
-        aside += f"; {slippery:.3g} if the floor had no friction"
+        remarks = ", one of many solutions"
+    smooth_margin = _without_friction(robot, frame, bodies, check)
+    if smooth_margin is not None:
+        measured["margin_without_friction"] = smooth_margin
+        remarks += f"; {smooth_margin:.3g} if the floor had no friction"
     failure: Failure | None = None
-    if not isfinite(margins[least]):
-        said = f"{names[least]} carries no load (margin at least {check.minimum:g}){aside}"
-        return Outcome(measured=measured, expected=expected, said=said)
-    said = f"margin {margins[least]:.3g} at {names[least]}: {text} of {limit} (at least {check.minimum:g}){aside}"
-    if margins[least] < check.minimum:
-        others = [path for path in check.joints if path != least and margins[path] < check.minimum]
+    if not isfinite(margins[weakest]):
+        summary = f"{names[weakest]} carries no load (margin at least {check.minimum:g}){remarks}"
+        return Outcome(measured=measured, expected=expected, summary=summary)
+    summary = f"margin {margins[weakest]:.3g} at {names[weakest]}: {text} of {limit} (at least {check.minimum:g}){remarks}"
+    if margins[weakest] < check.minimum:
+        too_weak = [path for path in check.joints if path != weakest and margins[path] < check.minimum]
         notes += [
             Note(message=f"drive `{names[path]}` needs {_effort(joints[path], efforts[path])}, a margin of {margins[path]:.3g}")
-            for path in others
+            for path in too_weak
         ]
         failure = Failure(
             code=Code.TEST_TORQUE, key="min", notes=tuple(notes),
-            message=f"drive `{names[least]}` needs {text}, and its limit is {limit}: the margin is {margins[least]:.3g}, "
+            message=f"drive `{names[weakest]}` needs {text}, and its limit is {limit}: the margin is {margins[weakest]:.3g}, "
             f"but at least {check.minimum:g} is required",
         )
-    return Outcome(measured=measured, expected=expected, said=said, failure=failure)
+    return Outcome(measured=measured, expected=expected, summary=summary, failure=failure)
 
 
 def _weakest(check: TorqueCheck, margins: Mapping[str, float]) -> str:
@@ -81,34 +81,34 @@ def _weakest(check: TorqueCheck, margins: Mapping[str, float]) -> str:
     return min(check.joints, key=lambda path: round_significant(margins[path], 12))
 
 
-def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held: Efforts) -> tuple[str, Failure] | None:
+def _moving_outcome(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], equilibrium: Efforts) -> tuple[str, Failure] | None:
     """Return a description and a failure if the robot does not stay at rest in the pose. Otherwise return None.
 
     The robot does not stay at rest if feet are above the floor, if it falls over, or if an undriven joint would move.
     """
     if robot.mode.feet:
         feet = stance(robot, q, bodies).feet
-        high = lifted_feet(feet)
-        if high:
-            listed = ", ".join(f"`{path.replace('/', '.')}` by {format_si(height, LENGTH)}" for path, height in high.items())
+        lifted = lifted_feet(feet)
+        if lifted:
+            listed = ", ".join(f"`{path.replace('/', '.')}` by {format_si(height, LENGTH)}" for path, height in lifted.items())
             failure = Failure(
                 code=Code.TEST_FOOT, key="pose", message=f"in this pose, feet of the mode are above the other feet: {listed}",
                 help="lower these feet in the pose, or remove them from `standing_on`",
             )
             return "has feet above the floor", failure
-    if held.fall is not None:
-        said, why = {
-            "tips": ("falls over", f"its centre of mass is {format_si(held.fall.outside, LENGTH)} outside the polygon of its feet"),
+    if equilibrium.fall is not None:
+        summary, reason = {
+            "tips": ("falls over", f"its centre of mass is {format_si(equilibrium.fall.outside, LENGTH)} outside the polygon of its feet"),
             "slides": ("slides off", "friction does not hold its feet in place"),
             "pulls": ("falls off", "gravity pulls the robot away from the floor, and no adhesion holds it"),
-        }[held.fall.how]
+        }[equilibrium.fall.how]
         failure = Failure(
-            code=Code.TEST_FALLS, key="pose", message=f"in this pose the robot {said}: {why}",
+            code=Code.TEST_FALLS, key="pose", message=f"in this pose the robot {summary}: {reason}",
             help="move the feet or heavy parts of the robot, or add feet to `standing_on`",
         )
-        return said, failure
-    if held.unheld > SLACK:
-        moves = f"joint `{held.where.replace('/', '.')}`" if held.where else "the robot"
+        return summary, failure
+    if equilibrium.unheld > SLACK:
+        moves = f"joint `{equilibrium.where.replace('/', '.')}`" if equilibrium.where else "the robot"
         failure = Failure(
             code=Code.TEST_TORQUE, key="drive", message=f"the drives cannot hold this pose: {moves} would move",
             help="add a drive to the joint, or choose a pose in which the joint stays at rest",
@@ -125,11 +125,11 @@ def _without_friction(robot: Robot, frame: Keyframe, bodies: Sequence[Pose], che
     if not any(foot.friction > 0.0 for foot in robot.mode.feet):
         return None
     smooth = replace(robot, mode=replace(robot.mode, feet=tuple(replace(foot, friction=0.0) for foot in robot.mode.feet)))
-    held = static_efforts(smooth, frame.q, bodies)
-    if held.fall is not None or held.unheld > SLACK:
+    equilibrium = static_efforts(smooth, frame.q, bodies)
+    if equilibrium.fall is not None or equilibrium.unheld > SLACK:
         return None
-    least = held.margins[_weakest(check, held.margins)]
-    return least if isfinite(least) else None
+    margin = equilibrium.margins[_weakest(check, equilibrium.margins)]
+    return margin if isfinite(margin) else None
 
 
 def _effort(drive: JointEdge | LinkedTendon, value: float) -> str:
