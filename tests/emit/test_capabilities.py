@@ -12,7 +12,7 @@ import pytest
 import thingc
 from loops.robots import compiled
 from thingc.base.diagnostics import Report
-from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Cell, Supported, losses
+from thingc.targets.capabilities import COMPANION, FULL, OMITTED, Capabilities, Cell, Supported, losses
 from thingc.targets.geometry import collect_geometry
 from thingc.targets.mjcf import body_tree as mjcf
 from thingc.targets.mjcf.capabilities import CAPABILITIES as MJCF
@@ -134,7 +134,7 @@ def test_format_without_features_loses_everything(robot: Any) -> None:
 
 def test_supported_features_are_not_losses(robot: Any) -> None:
     """A format in which every cell is `SAYS` or `BESIDE` has no export losses."""
-    assert lost(robot, every(SAYS)) == lost(robot, every(BESIDE)) == []
+    assert lost(robot, every(FULL)) == lost(robot, every(COMPANION)) == []
 
 
 def test_collision_shapes_and_friction_can_be_lost(root: Path, shared_store: str) -> None:

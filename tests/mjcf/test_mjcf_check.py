@@ -187,8 +187,8 @@ def test_warnings_are_repeated(store: Store, tmp_path: Path, monkeypatch: pytest
 
 
 def test_user_warning_handler_is_restored(store: Store) -> None:
-    heard: list[str] = []
-    mujoco.set_mju_user_warning(heard.append)
+    collect_warnings: list[str] = []
+    mujoco.set_mju_user_warning(collect_warnings.append)
     try:
         before = mujoco.get_mju_user_warning()
         emit(arm(store).request(store))
@@ -331,7 +331,7 @@ def test_start_check_is_shared_by_similar_modes(store: Store, monkeypatch: pytes
 
     looked: list[str] = []
     counted = compiled(monkeypatch)
-    true = verify.initial_state_checks.look
+    true = verify.initial_state_checks.check_state
 
     def looking(model: Any, robot: Any) -> verify.initial_state_checks.InitialState:
         looked.append(robot.mode.name)

@@ -107,11 +107,11 @@ def test_errors_do_not_depend_on_the_mesh_count(heap: Path, capsys: pytest.Captu
 def test_initial_state_check_is_repeatable(heap: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Drives are checked with contacts disabled. A second check must see the contacts again."""
     seen: list[int] = []
-    true = verify.initial_state_checks.look
+    true = verify.initial_state_checks.check_state
 
     def twice(model: Any, robot: Any) -> Any:
         found = [true(model, robot) for _ in range(2)]
-        seen.extend(len(one.inside) for one in found)
+        seen.extend(len(one.overlaps) for one in found)
         return found[0]
 
     monkeypatch.setattr(verify.initial_state_checks, "look", twice)

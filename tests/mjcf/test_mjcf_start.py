@@ -93,7 +93,7 @@ def speed(model: mujoco.MjModel, error: float) -> float:
 def test_large_explicit_velocity_gain_chatters() -> None:
     """With dt kv > 2 I, Euler diverges. From dt kv = I on, the velocity changes its sign at every step."""
     quick = hinge("Euler", 0.1, 1.5 * INERTIA / DT, 0.0)
-    assert gains_of_drive(quick).too_quick and not gains_of_drive(hinge("Euler", 0.1, 0.9 * INERTIA / DT, 0.0)).too_quick
+    assert gains_of_drive(quick).too_damped and not gains_of_drive(hinge("Euler", 0.1, 0.9 * INERTIA / DT, 0.0)).too_damped
     data = mujoco.MjData(quick)
     data.qvel[0] = 1.0
     signs = []
@@ -101,19 +101,20 @@ def test_large_explicit_velocity_gain_chatters() -> None:
         mujoco.mj_step(quick, data)
         signs.append(float(np.sign(data.qvel[0])))
     assert signs == [-1.0, 1.0, -1.0, 1.0]
-    assert not gains_of_drive(hinge("implicitfast", 0.1, 100.0 * INERTIA / DT, 0.0)).too_quick  # implicit, and its force has no limit
+    assert not gains_of_drive(hinge("implicitfast", 0.1, 100.0 * INERTIA / DT, 0.0)).too_damped  # implicit, and its force has no limit
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
 def test_velocity_gain_limit_is_where_euler_diverges(share: float) -> None:
     """With 0, 0.3 and 0.9 of the stiffness limit without kv. Half of the limit comes to rest without sign changes of the velocity."""
     kp = share * 4.0 * INERTIA / DT**2
-    calmest = gains_of_drive(hinge("Euler", kp, 10.0 * INERTIA / DT, 0.0)).calmest
-    assert calmest == pytest.approx(min(INERTIA / DT, 2.0 * (1.0 - share) * INERTIA / DT))
-    assert gains_of_drive(hinge("Euler", kp, 0.98 * calmest, 0.0)).calm and not gains_of_drive(hinge("Euler", kp, 1.02 * calmest, 0.0)).calm
-    assert speed(hinge("Euler", kp, calmest / 2.0, 0.0), 1e-3) < 1e-6
+    max_kv = gains_of_drive(hinge("Euler", kp, 10.0 * INERTIA / DT, 0.0)).max_kv
+    assert max_kv == pytest.approx(min(INERTIA / DT, 2.0 * (1.0 - share) * INERTIA / DT))
+    assert gains_of_drive(hinge("Euler", kp, 0.98 * max_kv, 0.0)).stable
+    assert not gains_of_drive(hinge("Euler", kp, 1.02 * max_kv, 0.0)).stable
+    assert speed(hinge("Euler", kp, max_kv / 2.0, 0.0), 1e-3) < 1e-6
     if share == 0.9:
-        assert swing(hinge("Euler", kp, 1.02 * calmest, 0.0)) == math.inf
+        assert swing(hinge("Euler", kp, 1.02 * max_kv, 0.0)) == math.inf
 
 
 @pytest.mark.parametrize("force", [2.0, 0.05, 0.01])

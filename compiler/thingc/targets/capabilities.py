@@ -40,8 +40,8 @@ Sensor = TypeVar("Sensor")
 class Supported(FrozenStruct, Generic[By], kw_only=False):
     """A table cell for a feature that the format fully supports.
 
-    `how` is the name of the feature in the format, if the format uses another name. `by` is the keyword that the emitter uses to select how
-    the feature is written. `by` is None if the feature is always written in the same way.
+    `by` is the keyword by which the emitter selects how the feature is written, or None if there is only one way. `how` is the name of the
+    feature in the format, if the format uses another name.
     """
 
     by: By
@@ -51,8 +51,8 @@ class Supported(FrozenStruct, Generic[By], kw_only=False):
 class Lossy(FrozenStruct, Generic[By], kw_only=False):
     """A table cell for a feature that the format supports only partly.
 
-    The feature is written as `by` specifies, and a `Loss` with the treatment `how` is reported. `words` is appended to the description of
-    the loss and begins with a comma or colon.
+    The feature is written as the keyword `by` specifies, and a `Loss` with the treatment `how` is reported. `words` begins with a comma or
+    colon and is appended to the description of the loss.
     """
 
     by: By
@@ -85,15 +85,15 @@ Written = Supported[By] | Lossy[By]
 Cell = Written[By] | Omitted | Companion
 Plain = Cell[None]
 
-SAYS = Supported(None)
+FULL = Supported(None)
 OMITTED = Omitted()
-BESIDE = Companion()
+COMPANION = Companion()
 
 
 def written_as(cell: Cell[By]) -> By | None:
-    """Return the keyword of a table cell, which the emitter uses to decide how to write the feature.
+    """Return the keyword of a table cell, by which the emitter selects how to write the feature.
 
-     Return None if the feature has no keyword or is not written.
+    Return None if the cell has no keyword, or if the feature is not written.
     """
     return cell.by if isinstance(cell, (Supported, Lossy)) else None
 
@@ -172,27 +172,30 @@ MOVING_BASES = {"held": "the held base, which can be moved at run time", "free":
 """Descriptions of the export losses of moving bases. For any other base, the motion of the base is the loss."""
 
 
-def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Sequence[Robot], *, cut: bool = False) -> tuple[Loss, ...]:
+def losses(
+    target: str, capabilities: AnyCapabilities, assembly: Assembly, robots: Sequence[Robot], *, cut: bool = False,
+) -> tuple[Loss, ...]:
     """Compare the features of a robot in the given modes with the capabilities of a target. Return the export losses without duplicates.
 
     `cut` is True if the target also writes joints that cut loops as joints.
     """
-    lost = _Lost(target, says, cut)
-    everything: list[Iterator[Loss]] = [lost.of_assembly(assembly)]
+    finder = _LossFinder(target, capabilities, cut)
+    groups: list[Iterator[Loss]] = [finder.of_assembly(assembly)]
     for robot in robots:
-        everything += [lost.of_joints(robot), lost.of_mode(robot)]
-    return tuple(dict.fromkeys(loss for some in everything for loss in some))
+        groups += [finder.of_joints(robot), finder.of_mode(robot)]
+    return tuple(dict.fromkeys(loss for group in groups for loss in group))
 
 
-class _Lost:
-    """Yields an export loss for each feature of a robot that a target does not fully support.
+class _LossFinder:
+    """Finds the features of a robot that the target with the given `capabilities` does not fully support.
 
-    If an export loss is common to all modes, its `mode` is None.
+    Each method yields export losses. If a loss is common to all modes, its `mode` is None. `cut` is True if the target also writes joints
+    that cut loops as joints.
     """
 
-    def __init__(self, target: str, says: AnyCapabilities, cut: bool) -> None:
+    def __init__(self, target: str, capabilities: AnyCapabilities, cut: bool) -> None:
         self.target = target
-        self.says = says
+        self.capabilities = capabilities
         self.cut = cut
 
     def __call__(self, cell: Cell[Any], mode: str | None, path: str, what: str, origin: Origin) -> Iterator[Loss]:
@@ -206,132 +209,132 @@ class _Lost:
             (mates[body.joints[0].mate].name or body.joints[0].path, body.joints) for body in robot.bodies if body.joints
         ]
         groups += [(closure.path, closure.joints) for closure in robot.closures if closure.joints and self.cut]
-        there = {joint.path for _, joints in groups for joint in joints}
-        for whole, joints in groups:
+        joint_paths = {joint.path for _, joints in groups for joint in joints}
+        for path, joints in groups:
             what = "the thread" if joints[0].twist.pitch else "the motion"
-            yield from self(self.says["joints"][joint_cell(joints[0].kind)], None, whole, what, joints[0].origin)
-            for place, joint in enumerate(joints):
-                if place == 0 or not joint.kind.at_once:
-                    yield from self.of_coordinate(joint, whole if joint.kind.at_once else joint.path)
+            yield from self(self.capabilities["joints"][joint_cell(joints[0].kind)], None, path, what, joints[0].origin)
+            for index, joint in enumerate(joints):
+                if index == 0 or not joint.kind.at_once:
+                    yield from self.of_coordinate(joint, path if joint.kind.at_once else joint.path)
                 yield from self.of_drive(joint)
-                if joint.mimic is not None and joint.mimic.joint.path not in there:
+                if joint.mimic is not None and joint.mimic.joint.path not in joint_paths:
                     what = f"the mimic of `{joint.mimic.joint.path}`, where a loop is cut"
                     yield from self(OMITTED, robot.mode.name, joint.path, what, joint.mimic.origin)
                 elif joint.mimic is not None:
                     what = f"the mimic of `{joint.mimic.joint.path}`"
-                    yield from self(self.says["of_joints"]["mimic"], None, joint.path, what, joint.mimic.origin)
+                    yield from self(self.capabilities["of_joints"]["mimic"], None, joint.path, what, joint.mimic.origin)
                     if joint.mimic.higher:
                         what = f"the polynomial in the mimic of `{joint.mimic.joint.path}`"
-                        yield from self(self.says["of_joints"]["polynomial"], None, joint.path, what, joint.mimic.origin)
+                        yield from self(self.capabilities["of_joints"]["polynomial"], None, joint.path, what, joint.mimic.origin)
 
     def of_drive(self, joint: TreeJoint | JointEdge) -> Iterator[Loss]:
         """Yield the export loss for the drive of a joint coordinate, or for a drive of a ball joint about its own axis."""
         drive = joint.actuator
         if drive is not None:
-            yield from self(self.says["drives"][drive_cell(joint, drive)], None, joint.path, _drive_words(drive), drive.origin)
+            yield from self(self.capabilities["drives"][drive_cell(joint, drive)], None, joint.path, _describe_drive(drive), drive.origin)
             if drive.backlash:
                 what = f"the backlash of {drive.backlash:.6g} {'rad' if joint.twist.turns else 'm'}"
-                yield from self(self.says["of_joints"]["backlash"], None, joint.path, what, drive.origin)
+                yield from self(self.capabilities["of_joints"]["backlash"], None, joint.path, what, drive.origin)
             yield from self.of_effects(joint.path, drive)
 
     def of_effects(self, path: str, drive: ActuatorModel) -> Iterator[Loss]:
         """Yield the export losses for the delay, the torque-speed line, the deadband and the noise of a drive."""
-        words = {"stall": "the torque-speed line", "deadband": "the deadband", "noise": "the noise"}
-        for key in ("delay", *words):
+        descriptions = {"stall": "the torque-speed line", "deadband": "the deadband", "noise": "the noise"}
+        for key in ("delay", *descriptions):
             if getattr(drive, key):
-                cell = self.says["of_joints"]["delay" if key == "delay" else "effects"]
-                yield from self(cell, None, path, words.get(key) or f"the delay of {drive.delay:.6g} s", drive.origin)
+                cell = self.capabilities["of_joints"]["delay" if key == "delay" else "effects"]
+                yield from self(cell, None, path, descriptions.get(key) or f"the delay of {drive.delay:.6g} s", drive.origin)
 
     def of_tendon(self, tendon: LinkedTendon) -> Iterator[Loss]:
         """Yield the export losses for a tendon, or for one of the drives of a differential."""
-        of, drive = self.says["of_joints"], tendon.actuator
+        cells, drive = self.capabilities["of_joints"], tendon.actuator
         if drive is None or drive.transmission is None:
-            yield from self(of["tendon"], None, tendon.path, "this tendon and its dynamics", tendon.origin)
-            if drive is not None and not isinstance(of["tendon"], Omitted):
+            yield from self(cells["tendon"], None, tendon.path, "this tendon and its dynamics", tendon.origin)
+            if drive is not None and not isinstance(cells["tendon"], Omitted):
                 yield from self.of_effects(tendon.path, drive)
             return
-        yield from self(of["differential"], None, tendon.path, f"this drive of the differential `{drive.transmission}`", tendon.origin)
-        if not isinstance(of["differential"], Omitted):
-            yield from self(self.says["drives"][drive.kind], None, tendon.path, _drive_words(drive), drive.origin)
+        yield from self(cells["differential"], None, tendon.path, f"this drive of the differential `{drive.transmission}`", tendon.origin)
+        if not isinstance(cells["differential"], Omitted):
+            yield from self(self.capabilities["drives"][drive.kind], None, tendon.path, _describe_drive(drive), drive.origin)
             yield from self.of_effects(tendon.path, drive)
             if tendon.dynamics.armature:
                 unit = "kg m^2" if tendon.turns else "kg"
-                yield from self(of["armature"], None, tendon.path, f"the armature of {tendon.dynamics.armature:.6g} {unit}", tendon.origin)
+                what = f"the armature of {tendon.dynamics.armature:.6g} {unit}"
+                yield from self(cells["armature"], None, tendon.path, what, tendon.origin)
 
     def of_coordinate(self, joint: TreeJoint | JointEdge, path: str) -> Iterator[Loss]:
         """Yield the export losses for a joint coordinate that moves. A ball joint counts as one coordinate."""
-        of, dynamics = self.says["of_joints"], joint.dynamics
+        cells, dynamics = self.capabilities["of_joints"], joint.dynamics
         q, push, inertia = ("rad", "N m", "kg m^2") if joint.twist.turns else ("m", "N", "kg")
         for cell, value, what, unit in (
-            (of["damping"], dynamics.damping, "damping", f"{push} s/{q}"),
-            (of["friction"], dynamics.friction, "dry friction", push),
-            (of["armature"], dynamics.armature, "armature", inertia),
-            (of["stiffness"], dynamics.stiffness, "stiffness", f"{push}/{q}"),
-            (of["cone"], joint.limit.cone, "cone", "rad"),
-            (of["velocity"], joint.limit.velocity, "velocity limit", f"{q}/s"),
+            (cells["damping"], dynamics.damping, "damping", f"{push} s/{q}"),
+            (cells["friction"], dynamics.friction, "dry friction", push),
+            (cells["armature"], dynamics.armature, "armature", inertia),
+            (cells["stiffness"], dynamics.stiffness, "stiffness", f"{push}/{q}"),
+            (cells["cone"], joint.limit.cone, "cone", "rad"),
+            (cells["velocity"], joint.limit.velocity, "velocity limit", f"{q}/s"),
         ):
             if value:
                 yield from self(cell, None, path, f"the {what} of {value:.6g} {unit}", joint.origin)
 
     def of_mode(self, robot: Robot) -> Iterator[Loss]:
         """Yield the export losses for the base, the links, the loops and the settings of one mode."""
-        mode, modes, base, bases = robot.mode, self.says["modes"], robot.base, self.says["bases"]
+        mode, modes, base, bases = robot.mode, self.capabilities["modes"], robot.base, self.capabilities["bases"]
         for closure in robot.closures:
-            cell = self.says["loops"]["hold" if closure.hold else closure.kind]
+            cell = self.capabilities["loops"]["hold" if closure.hold else closure.kind]
             what = "the hold of this mount" if closure.hold else "the loop through this joint"
             yield from self(cell, mode.name, closure.path, what, closure.origin)
         for body in robot.bodies:
             link = robot.assembly.links[body.link]
             if not link.properties.mass:
-                cell, what = self.says["links"]["weightless" if body.joints else "weightless_base"], "the zero mass"
+                cell, what = self.capabilities["links"]["weightless" if body.joints else "weightless_base"], "the zero mass"
             elif link.properties.inertia == ZERO:
-                cell, what = self.says["links"]["point"], "the zero inertia of a point mass"
+                cell, what = self.capabilities["links"]["point"], "the zero inertia of a point mass"
             elif physical_fault(link.properties.inertia) is not None:
-                cell, what = self.says["links"]["line"], "the inertia of point masses in a line"
+                cell, what = self.capabilities["links"]["line"], "the inertia of point masses in a line"
             else:
                 continue
             yield from self(cell, mode.name, link.name, what, link.origin)
-        of_mode = (
+        settings = (
             (modes["gravity"], "the gravity", robot.gravity != GRAVITY),
-            (SAYS if base == "fixed" else bases[base], MOVING_BASES.get(base, "the motion of the base"), base != "fixed"),
+            (FULL if base == "fixed" else bases[base], MOVING_BASES.get(base, "the motion of the base"), base != "fixed"),
             (bases["start"], "the start pose", base == "free" and robot.bodies[0].X_PL != NO_POSE),
-            *self.stepping(mode.simulation),
+            *self.simulation_settings(mode.simulation),
             (modes["exclude"], "excluded contacts, except between links that a joint connects", bool(mode.exclude)),
             (modes["pairs"], "the contact pairs", bool(mode.pairs)),
             (modes["groups"], "the contact groups", bool(mode.groups)),
         )
-        for cell, what, used in of_mode:
+        for cell, what, used in settings:
             if used:
                 yield from self(cell, mode.name, mode.name, what, mode.origin)
 
-    def stepping(self, simulation: Mapping[str, object]) -> tuple[tuple[Plain, str, bool], ...]:
+    def simulation_settings(self, simulation: Mapping[str, object]) -> tuple[tuple[Plain, str, bool], ...]:
         """Return the simulation settings in `simulation` as a tuple.
 
         Each item contains the capability for the setting, a description of the setting, and whether the document uses it.
         """
-        modes = self.says["modes"]
+        modes = self.capabilities["modes"]
         return (
             (modes["timestep"], "the time step", "timestep" in simulation),
             (modes["simulation"], "the `simulation` settings", bool(simulation.keys() - {"timestep"})),
         )
 
     def of_sensor(self, sensor: LinkedSensor) -> Iterator[Loss]:
-        """If a sensor is not written, yield an export loss for the sensor.
+        """Yield an export loss for a sensor that is not written, or the export losses for the noise and the cutoff of a written sensor.
 
-        Otherwise, yield export losses for the properties of the sensor. The property `cutoff` of a rangefinder is the range of the sensor,
-        and does not limit its values.
+        The `cutoff` of a rangefinder is its range and not a limit of its readings.
         """
-        cell, of = self.says["sensors"][sensor.kind], self.says["of_sensors"]
+        cell, cells = self.capabilities["sensors"][sensor.kind], self.capabilities["of_sensors"]
         yield from self(cell, None, sensor.path, "this sensor", sensor.origin)
         if is_written(cell):
             if sensor.noise:
-                yield from self(of["noise"], None, sensor.path, "the noise", sensor.origin)
+                yield from self(cells["noise"], None, sensor.path, "the noise", sensor.origin)
             if sensor.cutoff and sensor.kind != "rangefinder":
-                yield from self(of["cutoff"], None, sensor.path, "the cutoff", sensor.origin)
+                yield from self(cells["cutoff"], None, sensor.path, "the cutoff", sensor.origin)
 
     def of_assembly(self, assembly: Assembly) -> Iterator[Loss]:
         """Yield the export losses that are common to all modes."""
-        links = self.says["links"]
+        links = self.capabilities["links"]
         for magnet in assembly.adhesions:
             origin = assembly.occurrences[magnet.occurrence].origin
             yield from self(links["adhesion"], None, magnet.path, f"the adhesion of {magnet.force:.6g} N", origin)
@@ -340,38 +343,39 @@ class _Lost:
         for sensor in assembly.sensors:
             yield from self.of_sensor(sensor)
         for pose in assembly.poses:
-            yield from self(self.says["modes"]["poses"], None, pose.name, "this pose", pose.origin)
-        touching = [one.material for one in assembly.occurrences]
-        touching += [surface.material for one in assembly.occurrences for surface in (one.touching if one.listed or one.contacts else ())]
-        for material in {id(one): one for one in touching if one is not None}.values():
+            yield from self(self.capabilities["modes"]["poses"], None, pose.name, "this pose", pose.origin)
+        materials = [item.material for item in assembly.occurrences]
+        own = [surface for item in assembly.occurrences if item.listed or item.contacts for surface in item.touching]
+        materials += [surface.material for surface in own]
+        for material in {id(item): item for item in materials if item is not None}.values():
             if (material.slide, material.torsion) != (None, None):
                 yield from self(links["friction"], None, material.name, "the friction", material.origin)
             if material.roll is not None:
                 yield from self(links["rolling"], None, material.name, "the rolling friction", material.origin)
-        for cell, what, used in self.stepping(assembly.definition.simulation):
+        for cell, what, used in self.simulation_settings(assembly.definition.simulation):
             if used:
                 origin = assembly.definition.step_origin or assembly.definition.origin
                 yield from self(cell, None, assembly.name, what, origin)
         for occurrence in assembly.occurrences:
             for piece in occurrence.drawn:
                 if isinstance(piece.solid, Primitive):
-                    cell, what = self.says["shapes"][piece.solid.shape], f"the visual {piece.solid.shape}"
+                    cell, what = self.capabilities["shapes"][piece.solid.shape], f"the visual {piece.solid.shape}"
                     yield from self(cell, None, occurrence.path, what, occurrence.origin)
             for piece in occurrence.touching:
                 if isinstance(piece.solid, Primitive):
                     shape = piece.solid.shape
-                    cell, what = self.says["shapes"][shape], f"the collision {shape}"
+                    cell, what = self.capabilities["shapes"][shape], f"the collision {shape}"
                 elif occurrence.overrides.collision == "mesh":
-                    cell, what = self.says["shapes"]["mesh"], "the collision mesh"
+                    cell, what = self.capabilities["shapes"]["mesh"], "the collision mesh"
                 else:
-                    cell, what = self.says["shapes"]["hull"], "the convex collision mesh"
+                    cell, what = self.capabilities["shapes"]["hull"], "the convex collision mesh"
                 yield from self(cell, None, occurrence.path, what, occurrence.origin)
 
 
-def _drive_words(drive: ActuatorModel) -> str:
+def _describe_drive(drive: ActuatorModel) -> str:
     """Describe a drive by its kind, its axis and its gains."""
     gains = [f", {name} {value:.6g}" for name, value in (("kp", drive.kp), ("kv", drive.kv)) if value is not None]
-    about = f" about {', '.join(f'{one:.6g}' for one in drive.axis)}" if drive.axis is not None else ""
+    about = f" about {', '.join(f'{component:.6g}' for component in drive.axis)}" if drive.axis is not None else ""
     return f"the drive: {drive.kind}{about}{''.join(gains)}"
 
 

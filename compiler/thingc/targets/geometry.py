@@ -1,10 +1,7 @@
-"""Collect the visual and collision shapes of each occurrence for any target. The shapes are primitives, or meshes that all occurrences of a
-definition share.
+"""Collect the visual and collision shapes of each occurrence for any target, and compute the size of a robot.
 
-The module also computes the size of a robot.
-
-The shapes of an occurrence are the same in every mode, and are therefore computed only once. Meshes are copied from the store by their
-hash, and are not parsed.
+The shapes are primitives, or meshes that all occurrences of a definition share. They are the same in every mode, and are therefore
+computed only once. Meshes are copied from the store by their hash, and are not parsed.
 """
 
 from __future__ import annotations
@@ -27,7 +24,7 @@ from thingc.model.resolve.types import Material
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss, StoredArtifact
 
-ENDLESS = 100.0
+INFINITE_HALF = 100.0
 """Half of the side length [m] of a plane that replaces an infinite plane. Some formats do not support infinite planes."""
 
 
@@ -35,34 +32,33 @@ class MeshAsset(FrozenStruct):
     """A mesh that a target writes to its own file.
 
     `mesh` is the mesh in the store (OBJ) [m], and `volume` is the volume of the part [m^3]. `origin` is the location in the documents of
-    the first occurrence that uses the mesh. `own` is the content of the original mesh file. The original mesh file is used if MuJoCo can
-    read it. `scale` contains the factors that convert the original mesh to metres.
+    the first occurrence that uses the mesh. `original` is the content of the original mesh file, which replaces `mesh` if it is not None.
+    `scale` contains the factors that convert the original mesh to metres.
     """
 
     name: str
     mesh: Mesh
     volume: float
     origin: Origin
-    own: StoredArtifact | None = None
+    original: StoredArtifact | None = None
     scale: Vector | None = None
 
     @property
     def file(self) -> str:
         """Return the file name of the mesh."""
-        return f"{self.name}.obj" if self.own is None else self.name
+        return f"{self.name}.obj" if self.original is None else self.name
 
     @property
     def stored(self) -> StoredArtifact:
         """Return the content of the mesh file as a reference to the store."""
-        return self.own or StoredArtifact(sha256=self.mesh.sha256, size=self.mesh.size)
+        return self.original or StoredArtifact(sha256=self.mesh.sha256, size=self.mesh.size)
 
 
 class Shape(FrozenStruct):
-    """A shape in the frame of its occurrence. The shape is either a mesh with the name `mesh`, or a primitive with a `size` [m] as in
-    `Primitive`.
+    """A shape in the frame of its occurrence: a mesh with the name `mesh`, or a primitive with a `size` [m] as in `Primitive`.
 
-    `name` is the custom name of the shape, with the path of the document that defines it as prefix. `origin` is the location of a shape
-    that a document lists.
+    `name` is the name that the document gives to the shape, prefixed with the path of its assembly, or None. `origin` is the location of a
+    shape that a document lists.
     """
 
     kind: Literal["mesh"] | PrimitiveShape
@@ -113,11 +109,11 @@ def materials(shapes: Iterable[Shapes]) -> dict[str, tuple[str, Origin]]:
     first used.
     """
     named: dict[str, tuple[str, Origin]] = {}
-    for one in shapes:
-        for shape in one.visual:
+    for owner in shapes:
+        for shape in owner.visual:
             name = material_name(shape.material, shape.color)
             if name is not None and shape.color is not None:
-                named.setdefault(name, (shape.color, shape.material.origin if shape.material is not None else one.origin))
+                named.setdefault(name, (shape.color, shape.material.origin if shape.material is not None else owner.origin))
     return named
 
 
@@ -126,24 +122,20 @@ def name_with_index(name: str, index: int) -> str:
     return f"{name}_{index}" if index else name
 
 
-def shape_names(shapes: Iterable[Shape], usual: str) -> Iterator[str]:
-    """Yield a unique name for each shape.
-
-    The name is the custom name of the shape, if no other shape has the same custom name. For any other shape, the name is the default name
-    `usual` with a number.
-    """
+def shape_names(shapes: Iterable[Shape], default: str) -> Iterator[str]:
+    """Yield a unique name for each shape: its custom name, or the name `default` with a number if it has none or the name is in use."""
     used: set[str | None] = {None}
     for index, shape in enumerate(shapes):
-        yield name_with_index(usual, index) if shape.name in used else shape.name or ""
+        yield name_with_index(default, index) if shape.name in used else shape.name or ""
         used.add(shape.name)
 
 
 def report_same_file(occurrence: Occurrence, owner: Occurrence, path: str, report: Report) -> None:
     """Report that two occurrences with different definitions would be written as the same file."""
-    one, other = occurrence.definition.label, owner.definition.label
+    label, other_label = occurrence.definition.label, owner.definition.label
     report.add(
-        Code.SAME_FILE, f"`{one}` and `{other}` would both be written as `{path}`", occurrence.origin, path=occurrence.path,
-        help="rename one of the two files", notes=[Note(message=f"`{other}` is used here", span=next(iter(owner.origin), None))],
+        Code.SAME_FILE, f"`{label}` and `{other_label}` would both be written as `{path}`", occurrence.origin, path=occurrence.path,
+        help="rename one of the two files", notes=[Note(message=f"`{other_label}` is used here", span=next(iter(owner.origin), None))],
     )
 
 
@@ -154,7 +146,7 @@ def channels(color: str) -> tuple[float, float, float, float]:
     return red, green, blue, alpha
 
 
-def has_inside(piece: Mesh | Primitive) -> bool:
+def can_collide(piece: Mesh | Primitive) -> bool:
     """Return whether a shape can collide. A shape can collide if it has a volume or is a plane."""
     return not piece.flat if isinstance(piece, Mesh) else piece.shape == "plane" or numeric.minimum(piece.size) > 0.0
 
@@ -165,42 +157,42 @@ def linear(channel: float) -> float:
 
 
 def collect_geometry(
-    assembly: Assembly, target: str, folder: str, report: Report, *, own: bool = False,
-    why: Callable[[Mesh | Primitive], str] = lambda _: "the collision shape has no volume",
+    assembly: Assembly, target: str, folder: str, report: Report, *, original: bool = False,
+    describe_flat: Callable[[Mesh | Primitive], str] = lambda _: "the collision shape has no volume",
 ) -> tuple[Geometry, list[Loss]]:
     """Compute the visual and collision shapes of every occurrence. Also return the export losses of collision shapes without a volume.
 
-    If `own` is True, meshes have the content of their original mesh files, if it is available. If meshes of two definitions have the same
-    file name in `folder`, an error is reported. `why` describes the reason why a shape cannot collide.
+    If `original` is True, the contents of original mesh files are used where available. If meshes of two definitions have the same file
+    name in `folder`, an error is reported. `describe_flat` returns the reason why a shape cannot collide, for the export loss.
     """
-    collector = _Collector(target, folder, report, own, why)
+    collector = _Collector(target, folder, report, original, describe_flat)
     shapes = tuple(collector.shapes(occurrence) for occurrence in assembly.occurrences)
     return Geometry(shapes=shapes, meshes=tuple(collector.meshes.values())), collector.losses
 
 
 class _Collector:
-    def __init__(self, target: str, folder: str, report: Report, own: bool, why: Callable[[Mesh | Primitive], str]) -> None:
+    def __init__(self, target: str, folder: str, report: Report, original: bool, describe_flat: Callable[[Mesh | Primitive], str]) -> None:
         self.target = target
         self.folder = folder
         self.report = report
-        self.own = own
-        self.why = why
+        self.original = original
+        self.describe_flat = describe_flat
         self.losses: list[Loss] = []
         self.meshes: dict[str, MeshAsset] = {}
         self.owners: dict[str, Occurrence] = {}
 
     def shapes(self, occurrence: Occurrence) -> Shapes:
         record, definition = occurrence.record, occurrence.component.definition
-        drawn: list[Shape | None] = []
-        touching: tuple[Shape, ...] = ()
+        surfaces: list[Shape | None] = []
+        collision: tuple[Shape, ...] = ()
         if occurrence.listed is not None:
-            drawn = [self.shape(occurrence, surface, surface.name) for surface in occurrence.drawn]
-            touching = self.collision(occurrence, "")
+            surfaces = [self.shape(occurrence, surface, surface.name) for surface in occurrence.drawn]
+            collision = self.collision(occurrence, "")
         elif record is not None and isinstance(definition, PartDefinition):
-            drawn = [self.shape(occurrence, surface, definition.stem) for surface in occurrence.drawn]
-            touching = self.collision(occurrence, definition.stem)
-        visual = tuple(shape for shape in drawn if shape is not None)
-        return Shapes(path=occurrence.path, origin=occurrence.origin, visual=visual, collision=touching)
+            surfaces = [self.shape(occurrence, surface, definition.stem) for surface in occurrence.drawn]
+            collision = self.collision(occurrence, definition.stem)
+        visual = tuple(shape for shape in surfaces if shape is not None)
+        return Shapes(path=occurrence.path, origin=occurrence.origin, visual=visual, collision=collision)
 
     def collision(self, occurrence: Occurrence, stem: str) -> tuple[Shape, ...]:
         """Return the collision shapes of an occurrence: the shapes that a document lists, or the shapes that `collision:` selects.
@@ -210,8 +202,8 @@ class _Collector:
         choice = occurrence.overrides.collision
         shapes: list[Shape] = []
         for index, piece in enumerate(occurrence.touching):
-            if not has_inside(piece.solid):
-                what = f"the contacts: {self.why(piece.solid)}"
+            if not can_collide(piece.solid):
+                what = f"the contacts: {self.describe_flat(piece.solid)}"
                 self.losses.append(Loss(self.target, None, occurrence.path, what, "omitted", occurrence.origin))
                 continue
             if piece.name:
@@ -225,10 +217,9 @@ class _Collector:
         return tuple(shapes)
 
     def shape(self, occurrence: Occurrence, surface: Surface, stem: str, suffix: str = "") -> Shape | None:
-        """Convert a mesh or a primitive to a shape in the frame of its occurrence. If the shape is a mesh, the mesh is added to the files
-        of the target.
+        """Convert a mesh or a primitive to a shape in the frame of its occurrence. A mesh gets the name `stem + suffix`.
 
-        The name of the mesh begins with `stem`. If another definition uses the same file name, report an error and return None.
+        If another definition uses the same file name, report an error and return None.
         """
         mesh, title = surface.solid, occurrence.name_in_files(surface)
         shape = Shape(kind="mesh", pose=surface.pose, material=surface.material, color=surface.color, name=title, origin=surface.origin)
@@ -236,15 +227,15 @@ class _Collector:
             return replace(shape, kind=mesh.shape, size=mesh.size, pose=mesh.pose)
         name = stem + suffix
         owner = self.owners.setdefault(name.casefold(), occurrence)
-        known = self.meshes.get(name)
-        listed = bool(surface.name) and known is not None and known.mesh == mesh  # a mesh file that several components list
-        if owner.definition != occurrence.definition and not listed:
+        existing = self.meshes.get(name)
+        shared = bool(surface.name) and existing is not None and existing.mesh == mesh  # a mesh file that several components list
+        if owner.definition != occurrence.definition and not shared:
             report_same_file(occurrence, owner, f"{self.folder}/{stem}.obj", self.report)
             return None
-        own = StoredArtifact(sha256=surface.own[0], size=surface.own[1]) if self.own and surface.own is not None else None
+        original = StoredArtifact(sha256=surface.own[0], size=surface.own[1]) if self.original and surface.own is not None else None
         self.meshes.setdefault(name, MeshAsset(
             name=name, mesh=mesh, volume=occurrence.record.volume if occurrence.record is not None and not surface.name else surface.volume,
-            origin=occurrence.origin, own=own, scale=surface.scale,
+            origin=occurrence.origin, original=original, scale=surface.scale,
         ))
         return replace(shape, mesh=name)
 
@@ -256,7 +247,7 @@ Box = tuple[Vector, Vector]
 def placements(robot: Robot) -> tuple[tuple[tuple[int | None, Pose], ...], tuple[tuple[tuple[Pose, Box | None], ...], ...]]:
     """Return two tuples: the parent and the pose of every body, and the pose and the bounding box of each part of the body."""
     links, occurrences = robot.assembly.links, robot.assembly.occurrences
-    boxes = tuple(one.box for one in occurrences)
+    boxes = tuple(occurrence.box for occurrence in occurrences)
     return tuple((body.parent, body.X_PL) for body in robot.bodies), tuple(
         tuple((pose, boxes[member]) for member, pose in zip(links[body.link].members, links[body.link].poses, strict=True))
         for body in robot.bodies
@@ -272,15 +263,15 @@ def bounds(bodies: Sequence[tuple[int | None, Pose]], parts: Sequence[Sequence[t
     """
     low, high = [inf] * 3, [-inf] * 3
     poses: list[Pose] = []
-    for (parent, X_PL), inside in zip(bodies, parts, strict=True):
-        at = (NO_POSE if parent is None else poses[parent]) @ X_PL
-        poses.append(at)
-        for pose, box in inside:
+    for (parent, X_PL), body_parts in zip(bodies, parts, strict=True):
+        body_pose = (NO_POSE if parent is None else poses[parent]) @ X_PL
+        poses.append(body_pose)
+        for pose, box in body_parts:
             if box is None:
                 continue
-            placed = at @ pose
-            for axis, (row, origin) in enumerate(zip(placed.rotation, placed.translation, strict=True)):
-                ends = [(a * one, a * other) for a, one, other in zip(row, *box, strict=True)]
+            X_WP = body_pose @ pose
+            for axis, (row, origin) in enumerate(zip(X_WP.rotation, X_WP.translation, strict=True)):
+                ends = [(a * low_end, a * high_end) for a, low_end, high_end in zip(row, *box, strict=True)]
                 low[axis] = minimum(low[axis], minimum(ends[0]) + minimum(ends[1]) + minimum(ends[2]) + origin)
                 high[axis] = maximum(high[axis], maximum(ends[0]) + maximum(ends[1]) + maximum(ends[2]) + origin)
     if low[0] > high[0]:

@@ -65,15 +65,15 @@ class Element:
 
     def copy(self) -> Element:
         """Return a deep copy of the element. Changes of the copy do not affect the original."""
-        top = self._alone()
-        waiting = [(self, top)]
-        while waiting:
-            old, new = waiting.pop()
-            new.children = [child._alone() for child in old.children]
-            waiting += zip(old.children, new.children, strict=True)
+        top = self._shallow_copy()
+        stack = [(self, top)]
+        while stack:
+            old, new = stack.pop()
+            new.children = [child._shallow_copy() for child in old.children]
+            stack += zip(old.children, new.children, strict=True)
         return top
 
-    def _alone(self) -> Element:
+    def _shallow_copy(self) -> Element:
         return Element(tag=self.tag, attributes=dict(self.attributes), text=self.text, origin=self.origin, raw=dict(self.raw))
 
     def add(self, tag: str, attributes: Mapping[str, XmlValue] | None = None, origin: Origin = ()) -> Element:
@@ -82,7 +82,7 @@ class Element:
         self.children.append(child)
         return child
 
-    def say(self, tag: str, text: XmlValue, attributes: Mapping[str, XmlValue] | None = None) -> None:
+    def add_text(self, tag: str, text: XmlValue, attributes: Mapping[str, XmlValue] | None = None) -> None:
         """Add a child element whose content is a string or numbers."""
         self.children.append(Element(tag=tag, attributes=dict(attributes or {}), text=text))
 
@@ -90,7 +90,7 @@ class Element:
         """Add a child element with the content of each value, by tag. Values that are None are omitted."""
         for tag, value in values.items():
             if value is not None:
-                self.say(tag, value)
+                self.add_text(tag, value)
 
     def find(self, tag: str) -> Element | None:
         """Return the first child element with this tag, or None."""
@@ -110,34 +110,34 @@ class Element:
 
     def insert(self, children: Iterable[Element], before: Container[str]) -> None:
         """Add child elements before the first child whose tag is in `before`. If there is no such child, add them at the end."""
-        place = next((index for index, other in enumerate(self.children) if other.tag in before), len(self.children))
-        self.children[place:place] = children
+        position = next((index for index, child in enumerate(self.children) if child.tag in before), len(self.children))
+        self.children[position:position] = children
 
     def walk(self) -> Iterator[Element]:
         """Yield this element and its descendants in the order in which they are written.
 
         The method is not recursive, because the nesting of links can be deep.
         """
-        waiting = [self]
-        while waiting:
-            element = waiting.pop()
+        stack = [self]
+        while stack:
+            element = stack.pop()
             yield element
-            waiting.extend(reversed(element.children))
+            stack.extend(reversed(element.children))
 
     @property
     def label(self) -> str:
         """Return the display name of the element, such as joint `yaw`. If the element has no name, return its tag."""
         return f"{self.tag} `{self.get('name')}`" if "name" in self.attributes else f"`{self.tag}`"
 
-    def lay(self, name: str, attribute: RawAttribute) -> None:
-        """Set an attribute of the element to the value of a raw attribute. The method `lift` undoes the change."""
+    def set_raw(self, name: str, attribute: RawAttribute) -> None:
+        """Set an attribute of the element to the value of a raw attribute. The method `unset_raw` undoes the change."""
         before = self.raw[name].before if name in self.raw else self.attributes.get(name)
         self.raw[name] = RawValue(attribute=attribute, before=before)
         self.attributes[name] = attribute.value
         self._opening = None
 
-    def lift(self, name: str) -> RawValue:
-        """Undo the change of `lay`. The attribute gets the value that the compiler wrote, and the raw value is returned."""
+    def unset_raw(self, name: str) -> RawValue:
+        """Restore the value of an attribute that the raw attribute replaced, and return the raw value."""
         value = self.raw.pop(name)
         if value.before is None:
             del self.attributes[name]
@@ -192,22 +192,22 @@ def write(root: Element, heading: str, *, sections: bool = True) -> XmlText:
     """
     text: list[str] = [f"<!-- {_DASHES.sub('-', heading)} -->"]
     lines: list[Element | None] = [None]
-    under_way: list[tuple[Iterator[Element], str, str]] = [(iter((root,)), "", "")]  # a stack, because a chain of links may be long
-    while under_way:
-        waiting, indent, closing = under_way[-1]
-        for element in waiting:
-            if sections and len(under_way) == 2 and len(lines) > 2:
+    stack: list[tuple[Iterator[Element], str, str]] = [(iter((root,)), "", "")]  # a stack, because a chain of links may be long
+    while stack:
+        elements, indent, closing = stack[-1]
+        for element in elements:
+            if sections and len(stack) == 2 and len(lines) > 2:
                 text.append("")
                 lines.append(None)
             lines.append(element)
             if element.children:
                 text.append(f"{indent}{element.opening}>")
-                under_way.append((iter(element.children), indent + "  ", f"{indent}</{element.tag}>"))
+                stack.append((iter(element.children), indent + "  ", f"{indent}</{element.tag}>"))
                 break
-            said = f">{_escape(element.text)}</{element.tag}>" if element.text != "" else "/>"
-            text.append(f"{indent}{element.opening}{said}")
+            content = f">{_escape(element.text)}</{element.tag}>" if element.text != "" else "/>"
+            text.append(f"{indent}{element.opening}{content}")
         else:
-            under_way.pop()
+            stack.pop()
             if closing:
                 text.append(closing)
                 lines.append(None)
@@ -231,8 +231,8 @@ def unwritable(name: str, value: str) -> str | None:
     """Return the reason why XML does not allow an element or attribute with this name and value, or None if XML allows it."""
     if NAME.fullmatch(name) is None:
         return f"`{name}` is not a valid name in XML"
-    strange = NO_CHARACTER.search(value)
-    return None if strange is None else f"XML cannot contain the character `{escape_control(strange[0])}`"
+    invalid = NO_CHARACTER.search(value)
+    return None if invalid is None else f"XML cannot contain the character `{escape_control(invalid[0])}`"
 
 
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})

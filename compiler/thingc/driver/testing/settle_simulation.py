@@ -14,7 +14,7 @@ from thingc.base.pose import Pose, Vector
 from thingc.model.robot.types import Keyframe, Robot
 from thingc.targets.mjcf.drives import start_delays
 from thingc.targets.mjcf.scene import FLOOR
-from thingc.targets.mjcf.verify import heard
+from thingc.targets.mjcf.verify import collect_warnings
 
 Array = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ def simulate(
     from the time `resting` [s] on. `separator` is the character that separates names in the element paths of the model. If the simulation
     diverges, return only the time [s] at which it diverges.
     """
-    with heard():
+    with collect_warnings():
         model = scene_model(scene, files, floor=floor)
         data = mujoco.MjData(model)
         mujoco.mj_resetDataKeyframe(model, data, model.key(frame.name.replace("/", separator)).id)

@@ -28,7 +28,7 @@ from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.types import Surface
 from thingc.model.robot.types import Body, Robot
 from thingc.targets.artifact import Artifacts, Loss
-from thingc.targets.capabilities import BESIDE, SAYS, Capabilities, Lossy, Omitted, Supported, all_of, losses
+from thingc.targets.capabilities import COMPANION, FULL, Capabilities, Lossy, Omitted, Supported, all_of, losses
 from thingc.targets.geometry import ENDLESS, channels, linear, material_name, name_with_index
 from thingc.targets.request import EmitRequest
 
@@ -42,19 +42,19 @@ _CHAIN = Supported(None, "a node for each coordinate")
 
 CAPABILITIES: Capabilities[None, Never, Never, Never, Never] = {
     "joints": {
-        "single": SAYS, "several": _CHAIN, "universal": _CHAIN, "ball": SAYS, "free": SAYS,
+        "single": FULL, "several": _CHAIN, "universal": _CHAIN, "ball": FULL, "free": FULL,
         "screw": Lossy(None, "omitted", ": glTF cannot couple the rotation and the translation of a node"),
     },
-    "of_joints": {**all_of("of_joints", BESIDE), "mimic": Omitted(": the node of the joint does not follow the other joint")},
-    "drives": all_of("drives", BESIDE),
+    "of_joints": {**all_of("of_joints", COMPANION), "mimic": Omitted(": the node of the joint does not follow the other joint")},
+    "drives": all_of("drives", COMPANION),
     "loops": {
         **all_of("loops", Omitted(": rotating the nodes of joints opens the loop")),
         "hold": Omitted(": rotating the nodes of joints moves the held mount"),
     },
-    "bases": {**all_of("bases", BESIDE), "start": SAYS},
-    "modes": {**all_of("modes", BESIDE), "poses": Supported(None, "only the start pose of the mode")},
-    "links": {**all_of("links", BESIDE), "colours": SAYS},
-    "shapes": all_of("shapes", BESIDE), "sensors": all_of("sensors", BESIDE), "of_sensors": all_of("of_sensors", BESIDE),
+    "bases": {**all_of("bases", COMPANION), "start": FULL},
+    "modes": {**all_of("modes", COMPANION), "poses": Supported(None, "only the start pose of the mode")},
+    "links": {**all_of("links", COMPANION), "colours": FULL},
+    "shapes": all_of("shapes", COMPANION), "sensors": all_of("sensors", COMPANION), "of_sensors": all_of("of_sensors", COMPANION),
 }
 """The features of a robot that glTF can express. Masses, drives and similar properties are not reported as export losses, because users do
 not expect them in glTF files.

@@ -45,34 +45,34 @@ Data = dict[str, object]
 
 def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, packed: PackedMeshes) -> Data:
     """Collect all data for the web page of a robot. The data refers to meshes by their numbers in `packed`."""
-    within = in_link(assembly)
-    places = _Places(workspace)
-    definitions = {one.definition.text: one for one in assembly.occurrences}
+    poses_in_link = in_link(assembly)
+    locations = _SourceLocations(workspace)
+    definitions = {item.definition.text: item for item in assembly.occurrences}
     numbers = {text: number for number, text in enumerate(definitions)}
     return {
         "version": VERSION,
         "name": assembly.name,
         "mass": assembly.properties.mass,
-        "definitions": [_definition(one, places) for one in definitions.values()],
+        "definitions": [_definition(item, locations) for item in definitions.values()],
         "links": [{"name": link.name, **_mass(link.properties)} for link in assembly.links],
         "occurrences": [
-            _occurrence(one, numbers[one.definition.text], assembly.link_of[one.index], within[one.index], packed, places)
-            for one in assembly.occurrences
+            _occurrence(item, numbers[item.definition.text], assembly.link_of[item.index], poses_in_link[item.index], packed, locations)
+            for item in assembly.occurrences
         ],
-        "mounts": [{"path": one.path, "occurrence": one.occurrence, "mount": one.mount} for one in assembly.exported],
-        "joints": [_joint_data(joint, mate, assembly, places) for mate in assembly.mates for joint in mate.joints],
+        "mounts": [{"path": item.path, "occurrence": item.occurrence, "mount": item.mount} for item in assembly.exported],
+        "joints": [_joint_data(joint, mate, assembly, locations) for mate in assembly.mates for joint in mate.joints],
         "tendons": len(assembly.tendons),
-        "magnets": [{"path": one.path, "occurrence": one.occurrence, "mount": one.mount} for one in assembly.adhesions],
+        "magnets": [{"path": item.path, "occurrence": item.occurrence, "mount": item.mount} for item in assembly.adhesions],
         "bom": [
             {
                 "number": row.number, "name": row.name, "definition": row.definition, "quantity": row.quantity, "make": row.make,
                 "material": row.material, "mass": row.mass, "source": row.mass_source, "supplier": row.supplier, "cost": row.cost,
                 "total": row.total, "link": row.link, "picture": row.picture, "image": image_url(workspace, row.picture),
-                "pieces": [one.index for one in pieces],
+                "pieces": [item.index for item in pieces],
             }
             for row, pieces in with_pieces(assembly)
         ],
-        "modes": [_mode(robot, places) for robot in robots],
+        "modes": [_mode(robot, locations) for robot in robots],
         **({"motions": [_motion(motion, assembly) for motion in motions]} if (motions := assembly.definition.motions) else {}),
     }
 
@@ -89,14 +89,14 @@ def image_url(workspace: Workspace, path: str | None) -> str | None:
         return None
 
 
-class _Places:
+class _SourceLocations:
     """Looks up source locations in files of the workspace. Absolute paths are omitted, because they differ between machines."""
 
     def __init__(self, workspace: Workspace) -> None:
         self._workspace = workspace
         self._texts: dict[str, str] = {}
 
-    def of(self, origin: Origin) -> Data:
+    def location(self, origin: Origin) -> Data:
         """Return `file` and `line` of the first location in an origin. Return null if the origin is empty."""
         span = next(iter(origin), None)
         if span is None or span.option is not None:
@@ -124,35 +124,36 @@ class _Places:
         return {"file": self._workspace.relative(path), "line": line}
 
 
-def _definition(occurrence: Occurrence, places: _Places) -> Data:
+def _definition(occurrence: Occurrence, places: _SourceLocations) -> Data:
     """Return the data of a part definition for the page. All its occurrences share this data."""
-    definition, made, record = occurrence.definition, occurrence.component.definition, occurrence.record
-    where: Data = {"file": None, "line": None}
+    definition, source, record = occurrence.definition, occurrence.component.definition, occurrence.record
+    location: Data = {"file": None, "line": None}
     if record is not None and record.code is not None and os.path.isabs(record.code[0]):
-        where = places.code(record.code[0], definition.reference)
+        location = places.code(record.code[0], definition.reference)
     elif definition.kind == "file":
-        where = {"file": definition.reference, "line": None}
-    words = [*zip((name for name, _ in made.parameters), made.words, strict=False)] if isinstance(made, PartDefinition) else []
+        location = {"file": definition.reference, "line": None}
+    of_part = isinstance(source, PartDefinition)
+    parameters = [*zip((name for name, _ in source.parameters), source.words, strict=False)] if of_part else []
     return {
         "text": definition.text, "label": definition.label, "kind": definition.kind,
-        "mirrors": definition.plain.label if definition.plain is not None else None, "parameters": words, **where,
+        "mirrors": definition.plain.label if definition.plain is not None else None, "parameters": parameters, **location,
     }
 
 
-def _occurrence(one: Occurrence, definition: int, link: int, pose: Pose, packed: PackedMeshes, places: _Places) -> Data:
+def _occurrence(occurrence: Occurrence, definition: int, link: int, pose: Pose, packed: PackedMeshes, places: _SourceLocations) -> Data:
     return {
-        "path": one.path, "definition": definition, "link": link, "pose": _rows(pose), "mass": one.properties.mass,
-        "centre": one.properties.centre, "source": one.mass_source, "estimate": one.estimate,
-        "material": one.material.name if one.material is not None else None, "color": one.color,
-        "make": make_of(one) if is_listed(one) else None,
-        "visual": [{**_shape(surface, packed), "color": surface.color} for surface in one.drawn],
-        "collides": one.overrides.collision,
-        "collision": [_shape(surface, packed) for surface in one.touching],
+        "path": occurrence.path, "definition": definition, "link": link, "pose": _rows(pose), "mass": occurrence.properties.mass,
+        "centre": occurrence.properties.centre, "source": occurrence.mass_source, "estimate": occurrence.estimate,
+        "material": occurrence.material.name if occurrence.material is not None else None, "color": occurrence.color,
+        "make": make_of(occurrence) if is_listed(occurrence) else None,
+        "visual": [{**_shape(surface, packed), "color": surface.color} for surface in occurrence.drawn],
+        "collides": occurrence.overrides.collision,
+        "collision": [_shape(surface, packed) for surface in occurrence.touching],
         "mounts": [
             {"name": name, "pose": _rows(mount.pose), "interface": mount.interface}
-            for name, mount in one.mounts.items() if name != "origin"
+            for name, mount in occurrence.mounts.items() if name != "origin"
         ],
-        **places.of(one.origin),
+        **places.location(occurrence.origin),
     }
 
 
@@ -163,12 +164,12 @@ def _shape(surface: Surface, packed: PackedMeshes) -> Data:
     return {"shape": solid.shape, "size": solid.size, "pose": _rows(solid.pose)}
 
 
-def _mass(own: MassProperties) -> Data:
+def _mass(properties: MassProperties) -> Data:
     """Return the mass [kg], the centre of mass [m], the principal moments of inertia [kg m^2], and `axes`, whose columns are the principal
     axes.
     """
-    moments, axes = principal_axes(own.inertia)
-    return {"mass": own.mass, "centre": own.centre, "moments": moments, "axes": [x for row in axes for x in row]}
+    moments, axes = principal_axes(properties.inertia)
+    return {"mass": properties.mass, "centre": properties.centre, "moments": moments, "axes": [x for row in axes for x in row]}
 
 
 def _motion(motion: NamedMotion, assembly: Assembly) -> Data:
@@ -182,7 +183,7 @@ def _motion(motion: NamedMotion, assembly: Assembly) -> Data:
     }
 
 
-def _joint_data(joint: JointEdge, mate: Mate, assembly: Assembly, places: _Places) -> Data:
+def _joint_data(joint: JointEdge, mate: Mate, assembly: Assembly, places: _SourceLocations) -> Data:
     """Return the data of a joint coordinate for the page. The data of a coordinate are the same in all modes.
 
     `parent` and `child` are the indices of links in the document.
@@ -200,7 +201,7 @@ def _joint_data(joint: JointEdge, mate: Mate, assembly: Assembly, places: _Place
             "higher": joint.mimic.higher,
         },
         "drive": None if drive is None else drive.kind, "drive_axis": None if drive is None else drive.axis,
-        **places.of(joint.origin),
+        **places.location(joint.origin),
     }
 
 
@@ -208,7 +209,7 @@ def _mount(mount: LinkedMount) -> Data:
     return {"path": mount.path, "occurrence": mount.occurrence, "mount": None if mount.of_component else mount.mount}
 
 
-def _mode(robot: Robot, places: _Places) -> Data:
+def _mode(robot: Robot, places: _SourceLocations) -> Data:
     mode = robot.mode
     start = robot.start
     return {
@@ -222,7 +223,7 @@ def _mode(robot: Robot, places: _Places) -> Data:
         "start": start.name if start is not None else None,
         "poses": [_pose(robot, frame) for frame in robot.keyframes],
         "unclosed": [one.name for one in robot.unclosed],
-        **places.of(mode.origin),
+        **places.location(mode.origin),
     }
 
 
@@ -244,24 +245,24 @@ def _loop(closure: Closure) -> Data:
 def _pose(robot: Robot, frame: Keyframe) -> Data:
     """Return the data of a pose of a mode for the web page.
 
-    The data contains q by path, and the pose of the base if it differs. `margins` contains the factors by which the drives can hold the
-    pose. `falls` is True if no drive torques can hold the robot in this pose. `unheld` is the joint that the drives cannot hold. `unheld`
-    is an empty string for the base, and null if the drives hold all joints.
+    The data contains q by path, and the pose of the base if it differs. `margins` contains the torque margin of each drive. `falls` is True
+    if the robot falls in this pose, regardless of its drives. `unheld` is the joint that the drives cannot hold: an empty string for the
+    base, and null if the drives hold all joints.
     """
     q = coordinates(joints_of(robot.assembly), frame.q)
     base = frame.base or robot.bodies[0].X_PL
-    held = static_efforts(robot, q, placed_bodies(robot.bodies, q, base)) if robot.base != "free" or robot.carried else None
-    falls = held is not None and held.fall is not None
-    margins = held.margins if held is not None and not falls else {}
+    efforts = static_efforts(robot, q, placed_bodies(robot.bodies, q, base)) if robot.base != "free" or robot.carried else None
+    falls = efforts is not None and efforts.fall is not None
+    margins = efforts.margins if efforts is not None and not falls else {}
     return {
         "name": frame.name, "q": q, "base": _rows(frame.base) if frame.base is not None else None,
         "margins": {path: margin for path, margin in margins.items() if math.isfinite(margin)},
-        "falls": falls, "unheld": held.where if held is not None and held.unheld > SLACK else None,
+        "falls": falls, "unheld": efforts.where if efforts is not None and efforts.unheld > SLACK else None,
     }
 
 
 def _moves(joints: Sequence[JointEdge], twists: Sequence[Twist]) -> list[Data]:
-    return [{"path": one.path, "twist": [twist.angular, twist.linear, twist.anchor]} for one, twist in zip(joints, twists, strict=True)]
+    return [{"path": joint.path, "twist": [twist.angular, twist.linear, twist.anchor]} for joint, twist in zip(joints, twists, strict=True)]
 
 
 def _rows(pose: Pose) -> list[float]:

@@ -124,7 +124,7 @@ class AcceptedModels:
 
     def _mesh_key(self, mesh: MeshAsset) -> str:
         extension = mesh.file.rpartition(".")[2]
-        scale = f" {mesh.scale}" if mesh.own is not None else ""
+        scale = f" {mesh.scale}" if mesh.original is not None else ""
         return f"{self.version} {mesh.stored.sha256} {extension} {'shell' if is_shell(mesh) else 'solid'}{scale}"
 
     def _key(self, texts: Sequence[str]) -> str:
@@ -176,7 +176,7 @@ def choose_geometry(assembly: Assembly, report: Report) -> tuple[Geometry, list[
 
     Report an error for each shape that MuJoCo does not accept.
     """
-    return collect_geometry(assembly, "mjcf", FOLDER, report, own=True, why=_no_solid)
+    return collect_geometry(assembly, "mjcf", FOLDER, report, original=True, describe_flat=_no_solid)
 
 
 def is_shell(mesh: MeshAsset) -> bool:

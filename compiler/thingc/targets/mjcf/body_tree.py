@@ -30,7 +30,7 @@ FREE_JOINT = BASE
 
 INTEGRATORS = {"euler": "Euler", "rk4": "RK4", "implicit": "implicit", "implicitfast": "implicitfast"}
 
-STIFF = "0.9999 0.9999 0.001 0.5 2"
+STIFF_SOLIMP = "0.9999 0.9999 0.001 0.5 2"
 """The value of `solimp` for a mimic joint, which makes the constraint as stiff as MuJoCo allows.
 
 MuJoCo regularizes the constraint by the sum of the inverse inertias of both joints, regardless of the multiplier. With the default of
@@ -72,11 +72,9 @@ def group_masks(groups: Sequence[ContactGroup[int]]) -> dict[int, elements.Masks
 
 
 def adhesion_name(robot: Robot, path: str) -> str:
-    """Return the name of the actuator of a magnet. The actuator has the path of the mount as its name. If a joint has the same path, a
-    suffix is appended.
-    """
-    taken = any(joint.path == path for mate in robot.assembly.mates for joint in mate.joints)
-    return f"{path}:adhesion" if taken else path
+    """Return the name of the actuator of a magnet: the path of its mount, with a suffix if a joint has the same path."""
+    is_used = any(joint.path == path for mate in robot.assembly.mates for joint in mate.joints)
+    return f"{path}:adhesion" if is_used else path
 
 
 def _joints(robot: Robot) -> list[TreeJoint]:
@@ -98,17 +96,16 @@ class _Builder:
         self.driven = [path for path in robot.present if path in self.joints and self.joints[path].actuator is not None]
         self.root = Element(tag="mujoco", attributes={"model": f"{self.assembly.name}_{robot.mode.name}"}, origin=robot.mode.origin)
 
-    def grow(self, parent: Element, place: tuple[str, ...], make: Callable[..., tuple[Element, ...]], *inputs: Any) -> None:
-        """Add the elements that the function call `make(*inputs)` returns. If the inputs have not changed, the elements of the previous
-        call are reused.
+    def add_cached(self, parent: Element, key: tuple[str, ...], make: Callable[..., tuple[Element, ...]], *inputs: Any) -> None:
+        """Add the elements that `make(*inputs)` returns. The elements are cached under `key` and reused if the inputs have not changed.
 
-        Models share these elements. An element is copied only if a raw attribute changes it.
+        Models share cached elements. An element is copied only if a raw attribute changes it.
         """
-        grown, names = self.memo(place, elements.make_elements, make, *inputs)
+        created, names = self.memo(key, elements.make_elements, make, *inputs)
         if self.raw.isdisjoint(names):
-            parent.children.extend(grown)
+            parent.children.extend(created)
         else:
-            parent.children.extend(element.copy() for element in grown)
+            parent.children.extend(element.copy() for element in created)
 
     def build(self) -> Element:
         """Build the `<mujoco>` element, with its sections in the order of the MuJoCo Menagerie."""
@@ -143,11 +140,11 @@ class _Builder:
 
     def default(self) -> None:
         """Add the default classes. Geoms have no mass, because each link has an `inertial` element."""
-        own = self.root.add("default").add("default", {"class": class_name(self.robot)})
-        own.add("site", {"group": "3"})
-        visual = own.add("default", {"class": "visual"})
+        classes = self.root.add("default").add("default", {"class": class_name(self.robot)})
+        classes.add("site", {"group": "3"})
+        visual = classes.add("default", {"class": "visual"})
         visual.add("geom", {"type": "mesh", "contype": "0", "conaffinity": "0", "group": "2", "mass": "0"})
-        collision = own.add("default", {"class": "collision"})
+        collision = classes.add("default", {"class": "collision"})
         collision.add("geom", {"type": "mesh", "group": "3", "mass": "0"})
         if self.adhering:
             collision.add("default", {"class": adhesion_contacts.CLASS}).add("geom", adhesion_contacts.contact(self.assembly))
@@ -162,35 +159,36 @@ class _Builder:
             if joint.actuator is not None and joint.actuator.backlash:
                 section.add("numeric", {"name": f"{joint.path}:backlash", "data": joint.actuator.backlash}, joint.actuator.origin)
         driven: list[TreeJoint | LinkedTendon] = [*(self.joints[path] for path in self.driven), *tendons.driven_tendons(self.robot)]
-        for one in driven:
-            add_custom_data(section, one)
+        for driven_by in driven:
+            add_custom_data(section, driven_by)
 
     def asset(self) -> None:
         """Add the materials and the meshes. Materials and meshes are in the order in which the occurrences of the document first use
         them.
         """
         section = self.root.add("asset")
-        self.grow(section, ("material",), elements.materials, self.geometry.shapes)
-        self.grow(section, ("mesh",), elements.meshes, self.geometry.meshes)
+        self.add_cached(section, ("material",), elements.materials, self.geometry.shapes)
+        self.add_cached(section, ("mesh",), elements.meshes, self.geometry.meshes)
 
     def worldbody(self) -> None:
         """Add the kinematic tree of links, as nested `body` elements. Links with a free joint are children of the world."""
         world = self.root.add("worldbody")
-        made: dict[int, Element] = {}
-        taken = frozenset(shape.name for one in self.geometry.shapes for shape in (*one.visual, *one.collision) if shape.name is not None)
+        elements_by_body: dict[int, Element] = {}
+        all_shapes = (shape for item in self.geometry.shapes for shape in (*item.visual, *item.collision))
+        names = frozenset(shape.name for shape in all_shapes if shape.name is not None)
         at_zero = self.free_poses(dict.fromkeys(self.joints, 0.0), self.robot.bodies[0].X_PL)
         masks = group_masks(self.robot.mode.groups)
         for index, body in merged_joints.model_bodies(self.robot).items():
-            link, parent = self.links[index], None if body.parent is None or body.free else made[body.parent]
+            link, parent = self.links[index], None if body.parent is None or body.free else elements_by_body[body.parent]
             attributes = {"name": link.name, **pose_attributes(at_zero.get(index, body.X_PL))}
             if parent is None:
                 attributes["childclass"] = class_name(self.robot)
                 if body.parent is None and self.robot.base == "held":
                     attributes["mocap"] = "true"
             element = (parent or world).add("body", attributes, link.origin)
-            made[index] = element
+            elements_by_body[index] = element
             if link.properties.mass > 0.0:
-                self.grow(element, ("inertial", link.name), elements.inertial_of, link.properties, link.origin)
+                self.add_cached(element, ("inertial", link.name), elements.inertial_of, link.properties, link.origin)
             if body.parent is None and self.robot.base == "free":
                 element.add("freejoint", {"name": self.assembly.free_joint}, self.robot.mode.origin)
             joints = self.robot.moves if body.parent is None else body.joints
@@ -198,24 +196,24 @@ class _Builder:
                 element.add("freejoint", {"name": self.name_of(joints[0])}, joints[0].origin)
                 joints = ()
             if is_ball(joints):
-                place = ("joint", self.robot.mode.name, joints[0].path)
-                self.grow(element, place, elements.ball, self.name_of(joints[0]), joints[0])
+                key = ("joint", self.robot.mode.name, joints[0].path)
+                self.add_cached(element, key, elements.ball, self.name_of(joints[0]), joints[0])
                 joints = ()
             for joint in joints:
                 driven = joint.path in self.driven
-                self.grow(element, ("joint", self.robot.mode.name, joint.path), elements.joint, joint, driven)
+                self.add_cached(element, ("joint", self.robot.mode.name, joint.path), elements.joint, joint, driven)
             shapes = tuple(self.geometry.shapes[member] for member in link.members)
-            touching = adhesion_contacts.CLASS if body.link in self.adhering else "collision"
-            inputs = link.poses, shapes, touching, taken, tuple(masks.get(member) for member in link.members)
-            self.grow(element, ("geoms", link.name, touching), elements.geoms, *inputs)
+            collision_class = adhesion_contacts.CLASS if body.link in self.adhering else "collision"
+            inputs = link.poses, shapes, collision_class, names, tuple(masks.get(member) for member in link.members)
+            self.add_cached(element, ("geoms", link.name, collision_class), elements.geoms, *inputs)
         for site in merged_joints.sites(self.robot).values():
-            self.grow(made[site.body], ("site", site.path), elements.site, site.path, site.pose, site.origin)
-        closures.sites(self.robot, world, made)
-        sensors.cameras(self.robot, made)
-        sensors.volumes(self.robot, made)
-        tendons.shapes(self.robot, made)
+            self.add_cached(elements_by_body[site.body], ("site", site.path), elements.site, site.path, site.pose, site.origin)
+        closures.sites(self.robot, world, elements_by_body)
+        sensors.cameras(self.robot, elements_by_body)
+        sensors.volumes(self.robot, elements_by_body)
+        tendons.shapes(self.robot, elements_by_body)
         # A body's sites, geoms and joints come before its child bodies.
-        for element in made.values():
+        for element in elements_by_body.values():
             element.children.sort(key=lambda child: child.tag == "body")
 
     def free_poses(self, q: Mapping[str, float], base: Pose) -> dict[int, Pose]:
@@ -235,9 +233,9 @@ class _Builder:
             )
         for pair in self.robot.mode.pairs:
             sides = (elements.named_collision(self.geometry.shapes[index]) for index in (pair.one, pair.other))
-            for (one, first_shape), (other, second_shape) in product(*sides):
+            for (first_name, first_shape), (second_name, second_shape) in product(*sides):
                 settings = elements.pair(pair, first_shape.material, second_shape.material)
-                section.add("pair", {"geom1": one, "geom2": other, **settings}, pair.origin)
+                section.add("pair", {"geom1": first_name, "geom2": second_name, **settings}, pair.origin)
 
     def equality(self) -> None:
         """Add equality constraints for mimic joints, followed by equality constraints for loops.
@@ -251,11 +249,11 @@ class _Builder:
                 # The rotation depends on the slide. Otherwise the share of the slide in the constraint would be so small that loads slip.
                 polynomial: tuple[float, ...] = (0.0, 1.0 / slide.ratio, 0.0, 0.0, 0.0)
                 names = {"name": f"{joint.path}:screw", "joint1": joint.path, "joint2": slide.name}
-                section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF}, joint.origin)
+                section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF_SOLIMP}, joint.origin)
             if joint.mimic is not None and joint.mimic.joint.path in self.joints:
                 polynomial = (*joint.mimic.polynomial, 0.0, 0.0, 0.0)[:5]
                 names = {"name": joint.mimic.name or f"{joint.path}:mimic", "joint1": joint.path, "joint2": joint.mimic.joint.path}
-                section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF}, joint.mimic.origin)
+                section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF_SOLIMP}, joint.mimic.origin)
         closures.equalities(self.robot, section, [link.name for link in self.links])
 
     def actuator(self) -> None:
@@ -269,7 +267,7 @@ class _Builder:
             if drive.axis is not None:
                 body = next(body for body in self.robot.bodies if joint in body.joints)
                 ball = self.name_of(joint), in_body(body, drive.axis)
-            self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive, joint, drive, step, *ball)
+            self.add_cached(section, ("actuator", self.robot.mode.name, path), elements.drive, joint, drive, step, *ball)
         tendons.drives(self.robot, section)
         body_of = {body.link: index for index, body in enumerate(self.robot.bodies)}
         for magnet in self.assembly.adhesions:
@@ -286,8 +284,8 @@ class _Builder:
         section = self.root.add("keyframe")
         for frame in self.robot.keyframes:
             base = frame.base or self.robot.bodies[0].X_PL
-            turned = self.memo(("base", self.robot.mode.name, frame.name), Pose.quaternion, base)
-            qpos = [*base.translation, *turned] if self.robot.base == "free" else [*base_positions(self.robot)]
+            quaternion = self.memo(("base", self.robot.mode.name, frame.name), Pose.quaternion, base)
+            qpos = [*base.translation, *quaternion] if self.robot.base == "free" else [*base_positions(self.robot)]
             poses = self.free_poses(frame.q, base)
             for index, body in enumerate(self.robot.bodies):
                 qpos += positions(body, frame.q, poses.get(index, body.X_PL))
@@ -296,10 +294,10 @@ class _Builder:
             ctrl += [self.robot.adhesion.get(magnet.path, 0.0) for magnet in self.assembly.adhesions]
             values: list[tuple[str, XmlValue]] = [("name", frame.name)]
             values += [(name, tuple(row)) for name, row in (("qpos", qpos), ("ctrl", ctrl)) if row]
-            mocap = [(base.translation, turned)] if self.robot.base == "held" else []
+            mocap = [(base.translation, quaternion)] if self.robot.base == "held" else []
             mocap += [(pose.translation, pose.quaternion()) for pose in closures.anchors(self.robot).values()]
             values += zip(("mpos", "mquat"), (tuple(chain(*column)) for column in zip(*mocap)))
-            self.grow(section, ("key", self.robot.mode.name, frame.name), elements.key, tuple(values), frame.origin)
+            self.add_cached(section, ("key", self.robot.mode.name, frame.name), elements.key, tuple(values), frame.origin)
 
     def name_of(self, joint: TreeJoint) -> str:
         """Return the name of the MuJoCo joint to which a joint coordinate belongs."""
@@ -316,4 +314,5 @@ class _Builder:
             return 0.0
         if drive.axis is None:
             return q[path]
-        return sum_of(part * q[one.path] for part, one in zip(drive.axis, self.assembly.mates[joint.mate].joints, strict=True))
+        coordinates = self.assembly.mates[joint.mate].joints
+        return sum_of(part * q[coordinate.path] for part, coordinate in zip(drive.axis, coordinates, strict=True))

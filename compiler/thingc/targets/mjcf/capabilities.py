@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from thingc.targets.capabilities import SAYS, Capabilities, Lossy, Omitted, Supported, all_of
+from thingc.targets.capabilities import FULL, Capabilities, Lossy, Omitted, Supported, all_of
 
 JointForm = Literal["each", "threaded", "ball", "free"]
 """How a joint is written: as a hinge or a slide for each coordinate, as a coupled hinge and slide, as a ball, or as a free joint."""
@@ -25,11 +25,11 @@ CAPABILITIES: Capabilities[JointForm, None, LoopForm, None, None] = {
         ),
     },
     "of_joints": {
-        "cone": SAYS, "velocity": _CUSTOM, "damping": SAYS, "friction": SAYS, "armature": SAYS,
-        "stiffness": SAYS, "mimic": Supported(None, "an equality"), "polynomial": SAYS, "tendon": SAYS,
-        "differential": Supported(None, "fixed tendons"), "backlash": _CUSTOM, "delay": SAYS, "effects": _CUSTOM,
+        "cone": FULL, "velocity": _CUSTOM, "damping": FULL, "friction": FULL, "armature": FULL,
+        "stiffness": FULL, "mimic": Supported(None, "an equality"), "polynomial": FULL, "tendon": FULL,
+        "differential": Supported(None, "fixed tendons"), "backlash": _CUSTOM, "delay": FULL, "effects": _CUSTOM,
     },
-    "drives": {"position": SAYS, "velocity": SAYS, "motor": SAYS, "universal": SAYS, "ball": SAYS},
+    "drives": {"position": FULL, "velocity": FULL, "motor": FULL, "universal": FULL, "ball": FULL},
     "loops": {
         "hold": Supported("weld or connect", "`weld` or `connect`"), "weld": Supported("weld"), "ball": Supported("connect", "`connect`"),
         "hinge": Supported("two connects", "two `connect`"),
@@ -38,20 +38,20 @@ CAPABILITIES: Capabilities[JointForm, None, LoopForm, None, None] = {
         "universal": Supported("connect and tendon", "`connect`, and a tendon of constant length"),
         "several": Omitted(": MuJoCo has no equality for joints with several coordinates"),
     },
-    "bases": {"held": Supported(None, "a mocap body"), "free": SAYS, "start": SAYS, "planar": SAYS, "ball": SAYS},
+    "bases": {"held": Supported(None, "a mocap body"), "free": FULL, "start": FULL, "planar": FULL, "ball": FULL},
     "modes": {
-        "gravity": SAYS, "poses": Supported(None, "keyframes"), "exclude": SAYS, "pairs": SAYS, "groups": SAYS, "timestep": SAYS,
-        "simulation": SAYS,
+        "gravity": FULL, "poses": Supported(None, "keyframes"), "exclude": FULL, "pairs": FULL, "groups": FULL, "timestep": FULL,
+        "simulation": FULL,
     },
     "links": {
-        "frames": Supported(None, "sites"), "colours": SAYS, "friction": SAYS, "rolling": SAYS, "adhesion": Supported(None, "an actuator"),
+        "frames": Supported(None, "sites"), "colours": FULL, "friction": FULL, "rolling": FULL, "adhesion": Supported(None, "an actuator"),
         "weightless": Supported(None, "several joints on one body"),
-        "weightless_base": SAYS, "point": SAYS, "line": Lossy(None, "approximated", ": the inertia is 0 in the file, as for a point mass"),
+        "weightless_base": FULL, "point": FULL, "line": Lossy(None, "approximated", ": the inertia is 0 in the file, as for a point mass"),
     },
     "shapes": {
-        "box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "ellipsoid": SAYS, "plane": SAYS, "hull": SAYS,
+        "box": FULL, "cylinder": FULL, "capsule": FULL, "sphere": FULL, "ellipsoid": FULL, "plane": FULL, "hull": FULL,
         "mesh": Lossy(None, "approximated", ": MuJoCo uses the convex hull of a mesh"),
     },
-    "sensors": all_of("sensors", SAYS),
-    "of_sensors": {"noise": SAYS, "cutoff": SAYS},
+    "sensors": all_of("sensors", FULL),
+    "of_sensors": {"noise": FULL, "cutoff": FULL},
 }

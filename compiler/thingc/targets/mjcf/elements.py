@@ -39,7 +39,7 @@ def meshes(meshes: tuple[MeshAsset, ...]) -> tuple[Element, ...]:
     elements: list[Element] = []
     for mesh in meshes:
         attributes: dict[str, XmlValue] = {"name": mesh.name, "file": mesh.file}
-        if mesh.own is not None and mesh.scale not in (None, (1.0, 1.0, 1.0)):
+        if mesh.original is not None and mesh.scale not in (None, (1.0, 1.0, 1.0)):
             attributes["scale"] = mesh.scale
         if is_shell(mesh):
             attributes["inertia"] = "shell"

@@ -84,11 +84,11 @@ def models(request: EmitRequest) -> Models:
         )
     if request.verify:
         starts = not request.repeated
-        due = verify.due(every, request.verify, request.memo)
-        waiting = verify.doubtful(due, geometry.meshes, request.store, request.memo, starts=starts)
+        due = verify.select_models(every, request.verify, request.memo)
+        waiting = verify.unverified(due, geometry.meshes, request.store, request.memo, starts=starts)
         verify.check(waiting, geometry, request.store, report, request.memo, starts=starts)
         if not report.diagnostics:
-            verify.took(due, request.verify, request.memo)
+            verify.record_accepted(due, request.verify, request.memo)
     made = Models(candidates=every, assets=geometry.assets, losses=tuple(lost))
     request.made["mjcf"] = made
     return made

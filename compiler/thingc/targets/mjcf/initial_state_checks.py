@@ -23,33 +23,30 @@ from thingc.base.units import LENGTH, Quantity
 from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.mjcf.compat.pymjcf import SEPARATOR
 
-DEEP = 0.5e-3
+MAX_OVERLAP = 0.5e-3
 """Largest overlap of two links [m] that is not reported. The limit is larger than 0 because links with a tight fit are in contact, and
 because meshes are slightly inaccurate.
 """
-SHOWN = 3
+LISTED = 3
 """Number of additional pairs that a message names."""
 
-_INDIFFERENT = re.compile(r' (?:range|ctrlrange|rgba|gravity)="[^"]*"')
+_IRRELEVANT = re.compile(r' (?:range|ctrlrange|rgba|gravity)="[^"]*"')
 
 
 def key(text: str, robot: Robot) -> str:
-    """Return a digest of all inputs of the initial state of a robot.
+    """Return a digest of everything that determines the result of `check_state` for a model with the XML text `text`.
 
-    The digest covers the start keyframe, and the model's `text` without names, colours, joint limits and gravity. Therefore, a robot on a
-    wall has the same digest as on the floor.
+    The digest covers the name of the start keyframe, and the text without the name of the model, colours, joint limits and gravity.
+    Therefore, a robot on a wall has the same digest as on the floor.
     """
-    model = _INDIFFERENT.sub("", text.partition("<mujoco ")[2].partition(">")[2])
+    model = _IRRELEVANT.sub("", text.partition("<mujoco ")[2].partition(">")[2])
     return hashlib.sha256(f"{robot.mode.pose}\n{model}".encode()).hexdigest()
 
 
 def irrelevant_parts(text: str) -> tuple[str, ...]:
-    """Return the parts of the XML text of a model that do not affect the initial state.
-
-    The digest that the function `key` returns does not cover these parts.
-    """
-    head, _, rest = text.partition("<mujoco ")
-    return (head, rest.partition(">")[0], *_INDIFFERENT.findall(rest))
+    """Return the parts of the XML text of a model that the function `key` omits, because they do not affect the initial state."""
+    head, _, body = text.partition("<mujoco ")
+    return (head, body.partition(">")[0], *_IRRELEVANT.findall(body))
 
 
 class Penetration(FrozenStruct):
@@ -97,9 +94,10 @@ class Gains(FrozenStruct):
         return self.stiffness > 0.0 and self.stiffness > self.stiffest
 
     @property
-    def too_quick(self) -> bool:
-        """Return whether the velocity overshoots in one step because kv is integrated explicitly: multiplied by the velocity at the
-        beginning of the step. The velocity v' = (1 - dt kv / I) v has the opposite sign if dt kv > I.
+    def too_damped(self) -> bool:
+        """Return whether the damping reverses the velocity in one step, which can happen only with an explicit integrator.
+
+        The force is computed from the velocity v at the beginning of the step: v' = (1 - dt kv / I) v has the opposite sign if dt kv > I.
         """
         return self.integrator in ("Euler", "RK4") and self.dt * self.kv > self.inertia
 
@@ -115,39 +113,40 @@ class Gains(FrozenStruct):
         return self.saturates and self.dt * self.kv > self.inertia and self.dt**2 * self.stiffness > 2.0 * self.inertia
 
     @property
-    def calmest(self) -> float:
+    def max_kv(self) -> float:
         """Return the largest kv for which an explicit integrator is stable, if the other values do not change (see `stiffest`,
         `too_quick`).
 
         The result is zero or negative if no value of kv is stable.
         """
-        quick = self.inertia / self.dt
+        limit = self.inertia / self.dt
         if self.integrator == "RK4":
-            return 0.0 if self.too_stiff else quick
-        return min(quick, (4.0 * self.inertia - self.dt**2 * self.stiffness) / (2.0 * self.dt) + self.damping)
+            return 0.0 if self.too_stiff else limit
+        return min(limit, (4.0 * self.inertia - self.dt**2 * self.stiffness) / (2.0 * self.dt) + self.damping)
 
     @property
-    def calm(self) -> bool:
+    def stable(self) -> bool:
         """Return whether the drive is stable: its gains are not too large, and its force does not jump between its limits."""
-        return not (self.too_stiff or self.too_quick or self.jumps)
+        return not (self.too_stiff or self.too_damped or self.jumps)
 
 
 class InitialState(FrozenStruct):
-    """The faults of a mode in its initial state. The faults are overlapping parts, deepest first, and the gains of oscillating drives by
-    joint.
+    """The faults of a mode in its initial state.
+
+    `overlaps` contains the overlapping parts, deepest first. `gains` contains the gains of each drive that oscillates, by joint path.
     """
 
     robot: Robot
-    inside: tuple[Penetration, ...]
+    overlaps: tuple[Penetration, ...]
     gains: dict[str, Gains]
 
     @property
     def in_order(self) -> bool:
         """Return whether no parts overlap and all drives are stable in the initial state."""
-        return not self.inside and not self.gains
+        return not self.overlaps and not self.gains
 
 
-def look(model: Any, robot: Robot) -> InitialState:
+def check_state(model: Any, robot: Robot) -> InitialState:
     """Check the initial state of a scene that MuJoCo has compiled (an `mujoco.MjModel`).
 
     Contacts are checked in the start pose, and gains are checked in all keyframes. The check ends early if a simulation step needs more
@@ -158,7 +157,7 @@ def look(model: Any, robot: Robot) -> InitialState:
     data = mujoco.MjData(model)
     frames = {frame.name: model.key(frame.name).id for frame in robot.keyframes}
     start = frames.get(robot.mode.pose or "", -1)
-    inside: tuple[Penetration, ...] = ()
+    overlaps: tuple[Penetration, ...] = ()
     worst: dict[str, Gains] = {}
     drives = {name: path for path, name in robot.assembly.drives.items()}
     options = model.opt.jacobian, model.opt.disableflags  # the caller may check the model again
@@ -167,7 +166,7 @@ def look(model: Any, robot: Robot) -> InitialState:
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_collision(model, data)
-        inside = tuple(_inside(model, data, robot))
+        overlaps = tuple(_find_overlaps(model, data, robot))
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         for flag in ("CONTACT", "LIMIT", "FRICTIONLOSS"):
             model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
@@ -176,28 +175,28 @@ def look(model: Any, robot: Robot) -> InitialState:
             mujoco.mj_fwdPosition(model, data)
             for name, gains in gains_of(model, data):
                 path = drives.get(name) or _path(name)
-                if not gains.calm and (path not in worst or gains.inertia < worst[path].inertia):
+                if not gains.stable and (path not in worst or gains.inertia < worst[path].inertia):
                     worst[path] = gains
     except mujoco.FatalError:
         pass
     finally:
         model.opt.jacobian, model.opt.disableflags = options
-    return InitialState(robot=robot, inside=inside, gains=worst)
+    return InitialState(robot=robot, overlaps=overlaps, gains=worst)
 
 
-def _inside(model: Any, data: Any, robot: Robot) -> Iterator[Penetration]:
+def _find_overlaps(model: Any, data: Any, robot: Robot) -> Iterator[Penetration]:
     """Yield the pairs of parts of different links that overlap, deepest overlap first."""
-    owners = {one.name_in_files(surface): one.path for one in robot.assembly.occurrences for surface in one.touching}
+    owners = {part.name_in_files(surface): part.path for part in robot.assembly.occurrences for surface in part.touching}
     deepest: dict[tuple[str, str], float] = {}
     for contact in data.contact:
         bodies = [int(model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2)]
-        if contact.dist > -DEEP or 0 in bodies:
+        if contact.dist > -MAX_OVERLAP or 0 in bodies:
             continue
         names = (model.geom(int(geom)).name.replace(SEPARATOR, "/") for geom in (contact.geom1, contact.geom2))
-        one, other = sorted(owners.get(name) or _path(name) for name in names)
-        deepest[one, other] = max(deepest.get((one, other), 0.0), -float(contact.dist))
-    for (one, other), depth in sorted(deepest.items(), key=lambda entry: (-entry[1], entry[0])):
-        yield Penetration(one=one, other=other, depth=depth)
+        first, second = sorted(owners.get(name) or _path(name) for name in names)
+        deepest[first, second] = max(deepest.get((first, second), 0.0), -float(contact.dist))
+    for (first, second), depth in sorted(deepest.items(), key=lambda entry: (-entry[1], entry[0])):
+        yield Penetration(one=first, other=second, depth=depth)
 
 
 def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
@@ -218,25 +217,25 @@ def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
         return
     # MuJoCo also allocates rows for constraints that it then omits because nothing in them can move.
     rows = np.asarray(data.efc_J, dtype=float)[: data.nefc * model.nv].reshape(-1, model.nv)
-    tied = np.ascontiguousarray(rows[np.asarray(data.efc_type) == mujoco.mjtConstraint.mjCNSTR_EQUALITY])
-    across = np.zeros_like(tied)
-    if len(tied):
-        mujoco.mj_solveM(model, data, across, tied)
-        holding = np.linalg.pinv(tied @ across.T, rcond=1e-9)
+    constraints = np.ascontiguousarray(rows[np.asarray(data.efc_type) == mujoco.mjtConstraint.mjCNSTR_EQUALITY])
+    solved = np.zeros_like(constraints)
+    if len(constraints):
+        mujoco.mj_solveM(model, data, solved, constraints)
+        pseudo_inverse = np.linalg.pinv(constraints @ solved.T, rcond=1e-9)
     moments = np.zeros((model.nu, model.nv))
     mujoco.mju_sparse2dense(moments, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind)
     integrator = {mujoco.mjtIntegrator.mjINT_EULER: "Euler", mujoco.mjtIntegrator.mjINT_RK4: "RK4"}.get(model.opt.integrator, "implicit")
     for actuator in driven:
         joint = int(model.actuator_trnid[actuator][0])
-        along, answer = moments[actuator : actuator + 1], np.zeros((1, model.nv))
-        mujoco.mj_solveM(model, data, answer, along)
-        inverse = alone = float(answer[0] @ along[0])
-        if len(tied):
-            tying = across @ along[0]
-            inverse -= float(tying @ holding @ tying)
-        if inverse <= 1e-9 * alone:  # equality constraints couple the drive to a part that cannot move
+        direction, acceleration = moments[actuator : actuator + 1], np.zeros((1, model.nv))
+        mujoco.mj_solveM(model, data, acceleration, direction)
+        inverse = free = float(acceleration[0] @ direction[0])
+        if len(constraints):
+            coupling = solved @ direction[0]
+            inverse -= float(coupling @ pseudo_inverse @ coupling)
+        if inverse <= 1e-9 * free:  # equality constraints couple the drive to a part that cannot move
             continue
-        bias, gear = model.actuator_biasprm[actuator], float(along[0] @ along[0])
+        bias, gear = model.actuator_biasprm[actuator], float(direction[0] @ direction[0])
         yield model.actuator(actuator).name, Gains(
             stiffness=-float(bias[1]) + float(np.ravel(model.jnt_stiffness[joint])[0]) / gear, kv=-float(bias[2]),
             damping=float(np.ravel(model.dof_damping[model.jnt_dofadr[joint]])[0]) / gear, inertia=1.0 / inverse,
@@ -252,115 +251,116 @@ def _path(name: str) -> str:
 # --- messages ----------------------------------------------------------------------------------------------------------
 
 
-def say(starts: Sequence[InitialState], report: Report) -> None:
-    """Report a warning about overlapping parts in each mode. Also report a warning about each oscillating drive, in its worst mode.
+def report_states(starts: Sequence[InitialState], report: Report) -> None:
+    """Report a warning for overlapping parts in each mode, and a warning for each oscillating drive, in the mode with the least inertia.
 
-    If parts overlap in the same way in several modes, only one warning is reported.
+    If the same parts overlap by the same depth in several modes, only one warning is reported. The same applies to drives with one source.
     """
-    alike: dict[tuple[tuple[str, str, float], ...], list[InitialState]] = {}
+    groups: dict[tuple[tuple[str, str, float], ...], list[InitialState]] = {}
     for start in starts:
-        if start.inside and not report.allows(Code.START_CONTACT, start.robot.mode.origin):
-            alike.setdefault(tuple((one.one, one.other, round(one.depth, 5)) for one in start.inside), []).append(start)
-    for group in alike.values():
-        _say_inside(group[0], [start.robot.mode.name for start in group[1:]], report)
+        if start.overlaps and not report.allows(Code.START_CONTACT, start.robot.mode.origin):
+            groups.setdefault(tuple((overlap.one, overlap.other, round(overlap.depth, 5)) for overlap in start.overlaps), []).append(start)
+    for group in groups.values():
+        _report_overlaps(group[0], [start.robot.mode.name for start in group[1:]], report)
     worst: dict[str, tuple[Gains, TreeJoint, Robot]] = {}
     for start in starts:
         joints = {joint.path: joint for body in start.robot.bodies for joint in body.joints}
         for path, gains in start.gains.items():
             if path in joints and (path not in worst or gains.inertia < worst[path][0].inertia):  # elements added by `raw` are not checked
                 worst[path] = gains, joints[path], start.robot
-    written: dict[object, list[str]] = {}
+    drives: dict[object, list[str]] = {}
     for path, (_, joint, _) in worst.items():  # a drive in a repeat is written once for all of its joints
-        if report.allows(Code.CHATTER, (*_written_at(joint), *joint.origin[:1])):
+        if report.allows(Code.CHATTER, (*_drive_origin(joint), *joint.origin[:1])):
             continue
-        written.setdefault(_written_at(joint), []).append(path)
-    for paths in written.values():
+        drives.setdefault(_drive_origin(joint), []).append(path)
+    for paths in drives.values():
         first = min(paths, key=lambda path: float(f"{worst[path][0].inertia:.3g}"))
-        _say_gains(*worst[first], [path for path in paths if path != first], report)
+        _report_gains(*worst[first], [path for path in paths if path != first], report)
 
 
-def _written_at(joint: TreeJoint) -> Origin:
+def _drive_origin(joint: TreeJoint) -> Origin:
     return joint.actuator.origin if joint.actuator is not None else joint.origin
 
 
-def _say_inside(start: InitialState, others: Sequence[str], report: Report) -> None:
-    robot, first = start.robot, start.inside[0]
+def _report_overlaps(start: InitialState, other_modes: Sequence[str], report: Report) -> None:
+    robot, deepest = start.robot, start.overlaps[0]
     origins = {part.path: part.origin for part in robot.assembly.occurrences}
-    notes = [Note(message=f"`{path}` is defined here", span=origins[path][0]) for path in (first.one, first.other) if origins.get(path)]
+    notes = [Note(message=f"`{path}` is defined here", span=origins[path][0]) for path in (deepest.one, deepest.other) if origins.get(path)]
     notes += first_notes([
-        Note(message=f"the collision shapes of `{one.one}` and `{one.other}` overlap by {Quantity(float(f'{one.depth:.3g}'), LENGTH)}")
-        for one in start.inside[1:]
-    ], SHOWN, "more pair")
-    if others:
-        modes = "mode" if len(others) == 1 else "modes"
-        notes.append(Note(message=f"the same problem occurs in {modes} " + ", ".join(f"`{name}`" for name in others)))
+        Note(message=f"the collision shapes of `{pair.one}` and `{pair.other}` overlap by {Quantity(float(f'{pair.depth:.3g}'), LENGTH)}")
+        for pair in start.overlaps[1:]
+    ], LISTED, "more pair")
+    if other_modes:
+        modes = "mode" if len(other_modes) == 1 else "modes"
+        notes.append(Note(message=f"the same problem occurs in {modes} " + ", ".join(f"`{name}`" for name in other_modes)))
     pose = f" (pose `{robot.mode.pose}`)" if robot.mode.pose is not None else ""
-    pair = ", ".join(path.replace("/", ".") for path in (first.one, first.other))
-    depth = Quantity(float(f"{first.depth:.3g}"), LENGTH)
+    pair = ", ".join(path.replace("/", ".") for path in (deepest.one, deepest.other))
+    depth = Quantity(float(f"{deepest.depth:.3g}"), LENGTH)
     report.warn(
         Code.START_CONTACT,
-        f"at the start of mode `{robot.mode.name}`{pose}, the collision shapes of `{first.one}` and `{first.other}` overlap by {depth}",
+        f"at the start of mode `{robot.mode.name}`{pose}, the collision shapes of `{deepest.one}` and `{deepest.other}` overlap by {depth}",
         robot.mode.origin, path=robot.mode.name, notes=notes,
         help=f"change the pose, choose another `collision` for one of the two, or write `contacts: {{exclude: [[{pair}]]}}`", allow=True,
     )
 
 
-def _say_gains(gains: Gains, joint: TreeJoint, robot: Robot, others: Sequence[str], report: Report) -> None:
+def _report_gains(gains: Gains, joint: TreeJoint, robot: Robot, other_drives: Sequence[str], report: Report) -> None:
     weight = "kg*m^2" if joint.twist.turns else "kg"
     name = joint.path.rpartition("/")[2]
-    what, cure, needed = _of_kv(gains, joint) if gains.too_quick and gains.calmest > 0.0 else _of_stiffness(gains, joint)
-    where = _written_at(joint)
-    apart = joint.origin[:1] if where and joint.origin and joint.origin[0].line != where[0].line else ()
-    notes = [Note(message=f"joint `{name}` is defined here", span=span) for span in apart]
-    if others:
-        notes.append(Note(message=f"{quote_names(others, SHOWN)} have the same drive"))
+    fault, remedy, needed = _explain_kv(gains, joint) if gains.too_damped and gains.max_kv > 0.0 else _explain_stiffness(gains, joint)
+    origin = _drive_origin(joint)
+    definitions = joint.origin[:1] if origin and joint.origin and joint.origin[0].line != origin[0].line else ()
+    notes = [Note(message=f"joint `{name}` is defined here", span=span) for span in definitions]
+    if other_drives:
+        notes.append(Note(message=f"{quote_names(other_drives, LISTED)} have the same drive"))
     report.warn(
         Code.CHATTER,
-        f"{what}: its inertia is {gains.inertia:.2g} {weight} (mode `{robot.mode.name}`), and the time step is {1e3 * gains.dt:g} ms",
-        where, path=joint.path, notes=notes,
-        help=f"{cure}; or set `armature: {_up(needed)} {weight}`, or a smaller `timestep`", allow=True,
+        f"{fault}: its inertia is {gains.inertia:.2g} {weight} (mode `{robot.mode.name}`), and the time step is {1e3 * gains.dt:g} ms",
+        origin, path=joint.path, notes=notes,
+        help=f"{remedy}; or set `armature: {_round_up(needed)} {weight}`, or a smaller `timestep`", allow=True,
     )
 
 
-def _of_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
+def _explain_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
     """Describe the fault of a velocity gain that is too large.
 
     Return a description of the fault, a remedy, and the armature [kg m^2 or kg] with which the fault would not occur.
     """
     rate = "N*m*s/rad" if joint.twist.turns else "N*s/m"
-    does = "makes the joint oscillate with growing amplitude" if gains.too_stiff else "reverses the velocity of the joint in one step"
-    cure = f"use at most {_down(gains.calmest / 2.0)} {rate}"
-    if replace(gains, integrator="implicitfast").calm:
-        cure += "; with `integrator: implicitfast`, this value is stable, too"
+    effect = "makes the joint oscillate with growing amplitude" if gains.too_stiff else "reverses the velocity of the joint in one step"
+    remedy = f"use at most {_round_down(gains.max_kv / 2.0)} {rate}"
+    if replace(gains, integrator="implicitfast").stable:
+        remedy += "; with `integrator: implicitfast`, this value is stable, too"
     needed = max(2.0 * gains.dt * gains.kv, gains.dt**2 * gains.stiffness / 2.0 + gains.dt * gains.kv) - gains.inertia
-    return f"`kv` of joint `{joint.path.rpartition('/')[2]}`, {gains.kv:.6g} {rate}, {does}", cure, needed
+    return f"`kv` of joint `{joint.path.rpartition('/')[2]}`, {gains.kv:.6g} {rate}, {effect}", remedy, needed
 
 
-def _of_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
+def _explain_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
     """Describe the fault of a position gain that is too large. If the joint has no position gain, its spring is too stiff.
 
     Return a description of the fault, a remedy, and the armature with which the fault would not occur.
     """
-    turn, dt, spring = "N*m/rad" if joint.twist.turns else "N/m", gains.dt, joint.dynamics.stiffness or 0.0
+    unit, dt, spring = "N*m/rad" if joint.twist.turns else "N/m", gains.dt, joint.dynamics.stiffness or 0.0
     kp = gains.stiffness - spring
-    key, value, beside = ("kp", kp, spring) if kp > 0.0 else ("stiffness", spring, 0.0)
-    does = "makes the joint oscillate with growing amplitude" if gains.too_stiff else "makes the force of the drive jump between its limits"
-    fine = min(gains.stiffest / 2.0, gains.inertia / dt**2 if gains.jumps else gains.stiffest) - beside
-    cure = f"use at most {_down(fine)} {turn}"
-    if fine <= 0.0:
-        cure = "with this `kv`, no value is stable without `integrator: implicitfast`"
+    key, value, spring_part = ("kp", kp, spring) if kp > 0.0 else ("stiffness", spring, 0.0)
+    effect = "makes the joint oscillate with growing amplitude"
+    effect = effect if gains.too_stiff else "makes the force of the drive jump between its limits"
+    limit = min(gains.stiffest / 2.0, gains.inertia / dt**2 if gains.jumps else gains.stiffest) - spring_part
+    remedy = f"use at most {_round_down(limit)} {unit}"
+    if limit <= 0.0:
+        remedy = "with this `kv`, no value is stable without `integrator: implicitfast`"
     needed = dt**2 * gains.stiffness / 2.0 - gains.stiffest * dt**2 / 4.0
     if gains.jumps:
         needed = max(needed, dt**2 * gains.stiffness - gains.inertia)
-    return f"`{key}` of joint `{joint.path.rpartition('/')[2]}`, {value:.6g} {turn}, {does}", cure, needed
+    return f"`{key}` of joint `{joint.path.rpartition('/')[2]}`, {value:.6g} {unit}, {effect}", remedy, needed
 
 
-def _down(value: float) -> str:
+def _round_down(value: float) -> str:
     """Round a number down to two significant digits."""
-    shown = float(f"{value:.1e}")
-    return f"{shown if shown <= value else float(f'{value * 0.95:.1e}'):g}"
+    rounded = float(f"{value:.1e}")
+    return f"{rounded if rounded <= value else float(f'{value * 0.95:.1e}'):g}"
 
 
-def _up(value: float) -> str:
-    shown = float(f"{value:.1e}")
-    return f"{shown if shown >= value else float(f'{value * 1.06:.1e}'):g}"
+def _round_up(value: float) -> str:
+    rounded = float(f"{value:.1e}")
+    return f"{rounded if rounded >= value else float(f'{value * 1.06:.1e}'):g}"

@@ -120,11 +120,11 @@ def picture(
     extent = 1.5 * float(np.linalg.norm(points - centre, axis=1).max())
     camera = camera_of(points, gravity, shot)
     if not marks:
-        return encode_png(studio.photograph(model, data, camera, shot.size, centre, extent, quality))
+        return encode_png(studio.render(model, data, camera, shot.size, centre, extent, quality))
     length = frames.length_of(points, camera)
     strokes = [stroke for mark in marks for stroke in frames.arrows_of(mark, data, length)]
     camera = camera_of(np.concatenate([points, *strokes]), gravity, shot)
-    image = studio.photograph(model, data, camera, shot.size, centre, extent, quality)
+    image = studio.render(model, data, camera, shot.size, centre, extent, quality)
     return encode_png(frames.draw_marks(image, marks, data, camera, length))
 
 
@@ -236,7 +236,7 @@ def small_picture(
     data = pose_model(model, _pose_of(model, pose))
     length = 0.75 * float(np.linalg.norm(high - low))
     camera = camera_of(seen, (gravity[0], gravity[1], gravity[2]), Shot(size=size))
-    return encode_png(studio.photograph(model, data, camera, size, (low + high) / 2.0, length, studio.COARSE))
+    return encode_png(studio.render(model, data, camera, size, (low + high) / 2.0, length, studio.COARSE))
 
 
 def _pose_of(model: Any, pose: str | None) -> str | None:

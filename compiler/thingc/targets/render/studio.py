@@ -20,7 +20,7 @@ from thingc.base.numeric import sum_of
 
 Array = NDArray[np.float64]
 
-NEAR = 0.3
+NEAR_FRACTION = 0.3
 """Distance of the near plane, relative to the distance of the nearest point."""
 
 
@@ -84,12 +84,12 @@ def fit_camera(points: Array, axes: Array, angle: float, aspect: float, margin: 
     tangent = math.tan(angle / 2.0) * (1.0 - margin)
     x, y, z = axes @ points.T
     centre, distance = [], []
-    for along, t in ((x, tangent * aspect), (y, tangent)):
-        A, B = float(np.max(along + t * z)), float(np.max(t * z - along))
+    for coordinates, t in ((x, tangent * aspect), (y, tangent)):
+        A, B = float(np.max(coordinates + t * z)), float(np.max(t * z - coordinates))
         centre.append((A - B) / 2.0)
         distance.append((A + B) / (2.0 * t))
     position = np.array([*centre, max(distance)])
-    near = NEAR * float(position[2] - np.max(z))
+    near = NEAR_FRACTION * float(position[2] - np.max(z))
     return Camera(position=position @ axes, axes=axes, tangent=math.tan(angle / 2.0), aspect=aspect, near=near)
 
 
@@ -136,7 +136,7 @@ BEYOND = 0.5
 """Brightness of the background beyond the edge of the floor, when a single lamp is on."""
 
 BACKDROP = "backdrop"
-UNDER, GLASS = 0.5e-3, 0.4
+GLASS_DEPTH, GLASS_OPACITY = 0.5e-3, 0.4
 """Depth [m] below the floor at which parts of a robot make the floor transparent, and the opacity of a transparent floor."""
 
 
@@ -155,7 +155,7 @@ def model_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], lowest: 
         name=BACKDROP, type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT, rgb1=[BEYOND] * 3,
         rgb2=[BEYOND] * 3, width=8, height=8,
     )
-    spec.add_material(name=BACKDROP, rgba=[1.0, 1.0, 1.0, 1.0 if lowest > -UNDER else GLASS], specular=0.0, shininess=0.0)
+    spec.add_material(name=BACKDROP, rgba=[1.0, 1.0, 1.0, 1.0 if lowest > -GLASS_DEPTH else GLASS_OPACITY], specular=0.0, shininess=0.0)
     spec.worldbody.add_geom(
         name=BACKDROP, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05], material=BACKDROP,
         contype=0, conaffinity=0,
@@ -180,20 +180,20 @@ def lamps(camera: Camera, normal: Array, counts: tuple[int, int]) -> list[tuple[
     middle = np.array([
         math.cos(KEY_ELEVATION) * math.cos(azimuth), math.cos(KEY_ELEVATION) * math.sin(azimuth), math.sin(KEY_ELEVATION),
     ]) @ frame
-    across = np.cross(middle, normal)
-    across /= np.linalg.norm(across)
-    box = np.array([across, np.cross(across, middle), middle])
-    toward: list[tuple[Array, float]] = []
+    sideways = np.cross(middle, normal)
+    sideways /= np.linalg.norm(sideways)
+    box = np.array([sideways, np.cross(sideways, middle), middle])
+    weighted: list[tuple[Array, float]] = []
     for number in range(key):
         radius, turn = math.sqrt((number + 0.5) / key) * math.tan(KEY_ANGLE), _golden_angle(number)
         direction = np.array([radius * math.cos(turn), radius * math.sin(turn), 1.0]) @ box
-        toward.append((direction / np.linalg.norm(direction), KEY_SHARE))
+        weighted.append((direction / np.linalg.norm(direction), KEY_SHARE))
     for number in range(dome):
         height, turn = HORIZON + (1.0 - HORIZON) * (number + 0.5) / dome, _golden_angle(number)
-        flat = math.sqrt(1.0 - height * height)
-        toward.append((np.array([flat * math.cos(turn), flat * math.sin(turn), height]) @ frame, 1.0 - KEY_SHARE))
-    lit = {share: sum_of(float(to @ normal) for to, own in toward if own == share) for _, share in toward}
-    return [(-to, share / lit[share]) for to, share in toward]
+        horizontal = math.sqrt(1.0 - height * height)
+        weighted.append((np.array([horizontal * math.cos(turn), horizontal * math.sin(turn), height]) @ frame, 1.0 - KEY_SHARE))
+    floor_light = {share: sum_of(float(toward @ normal) for toward, weight in weighted if weight == share) for _, share in weighted}
+    return [(-toward, share / floor_light[share]) for toward, share in weighted]
 
 
 def _golden_angle(number: int) -> float:
@@ -201,7 +201,7 @@ def _golden_angle(number: int) -> float:
     return number * math.pi * (3.0 - math.sqrt(5.0))
 
 
-def photograph(
+def render(
     model: Any, data: Any, camera: Camera, size: tuple[int, int], centre: Array, extent: float, quality: Quality,
 ) -> NDArray[np.uint8]:
     """Render the state `data` of a model in studio light, as an array (height, width, 3).
@@ -225,7 +225,7 @@ def photograph(
         buffer = np.empty((height, width, 3), dtype=np.uint8)
         for number, (direction, weight) in enumerate(lamps(camera, normal, quality.lamps)):
             _light(scene, direction, normal, centre, extent)
-            _stand(scene, camera, number, size)
+            _set_camera(scene, camera, number, size)
             total += np.float32(weight / 255.0) * renderer.render(out=buffer)
     return develop(total.astype(np.float64))
 
@@ -235,11 +235,11 @@ def develop(light: Array) -> NDArray[np.uint8]:
     height, width = light.shape[:2]
     y, x = np.mgrid[0:height, 0:width]
     corner = ((2.0 * (x + 0.5) / width - 1.0) ** 2 + (2.0 * (y + 0.5) / height - 1.0) ** 2) / 2.0
-    shown = light * FLOOR * (1.0 - VIGNETTE * corner)[..., None]
+    shaded = light * FLOOR * (1.0 - VIGNETTE * corner)[..., None]
     knee = 0.8  # above this value, the brightness approaches white smoothly
-    over = np.maximum(shown - knee, 0.0)
-    shown = np.minimum(shown, knee) + (1.0 - knee) * (1.0 - np.exp(-over / (1.0 - knee)))
-    encoded = np.where(shown <= 0.0031308, 12.92 * shown, 1.055 * np.maximum(shown, 0.0031308) ** (1.0 / 2.4) - 0.055)
+    excess = np.maximum(shaded - knee, 0.0)
+    shaded = np.minimum(shaded, knee) + (1.0 - knee) * (1.0 - np.exp(-excess / (1.0 - knee)))
+    encoded = np.where(shaded <= 0.0031308, 12.92 * shaded, 1.055 * np.maximum(shaded, 0.0031308) ** (1.0 / 2.4) - 0.055)
     image: NDArray[np.uint8] = np.rint(255.0 * np.clip(encoded, 0.0, 1.0)).astype(np.uint8)
     return image
 
@@ -250,7 +250,7 @@ def _light(scene: Any, direction: Array, normal: Array, centre: Array, extent: f
         light.ambient[:], light.diffuse[:], light.specular[:] = 0.0, strength, GLOSS * strength
 
 
-def _stand(scene: Any, camera: Camera, number: int, size: tuple[int, int]) -> None:
+def _set_camera(scene: Any, camera: Camera, number: int, size: tuple[int, int]) -> None:
     """Set the camera of a MuJoCo scene. For each picture, the camera is shifted by a different fraction of a pixel (R2 sequence)."""
     x, y = (0.5 + 0.7548776662466927 * number) % 1.0 - 0.5, (0.5 + 0.5698402909980532 * number) % 1.0 - 0.5
     half = camera.near * camera.tangent

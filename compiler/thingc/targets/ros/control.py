@@ -50,23 +50,23 @@ def ros2_control(robot: Robot) -> Element | None:
         return None
     block = Element(tag="ros2_control", attributes={"name": robot.assembly.name, "type": "system"}, origin=robot.mode.origin)
     hardware = block.add("hardware")
-    hardware.say("plugin", PLUGIN)
-    hardware.say("param", "true", {"name": "calculate_dynamics"})
+    hardware.add_text("plugin", PLUGIN)
+    hardware.add_text("param", "true", {"name": "calculate_dynamics"})
     for joint in moving:
         element = block.add("joint", {"name": joint.name}, joint.move.joint.origin)
         if joint.drive is not None and joint.interface is not None:
             command = element.add("command_interface", {"name": joint.interface}, joint.drive.origin)
             for name, bound in zip(("min", "max"), _bounds(joint, joint.interface), strict=True):
                 if bound is not None:
-                    command.say("param", bound, {"name": name})
-        element.add("state_interface", {"name": "position"}).say("param", at[joint.name], {"name": "initial_value"})
+                    command.add_text("param", bound, {"name": name})
+        element.add("state_interface", {"name": "position"}).add_text("param", at[joint.name], {"name": "initial_value"})
         element.add("state_interface", {"name": "velocity"})
         if joint.interface == "effort":
             element.add("state_interface", {"name": "effort"})
         if joint.drive is not None:
             for name, gain in (("kp", joint.drive.kp), ("kv", joint.drive.kv)):
                 if gain is not None:
-                    element.say("param", gain, {"name": name})
+                    element.add_text("param", gain, {"name": name})
     drives = [(joint.name, joint.drive) for joint in moving if joint.drive is not None and joint.drive.transmission is not None]
     geared = [simple_transmission(name, drive) for name, drive in drives]
     block.children += map(control_transmission, [*geared, *coupled_transmissions(robot)])

@@ -101,11 +101,11 @@ def package_xml(robot: str, description: str, said: PackageInfo, heading: str) -
     """Return the text of `package.xml` for the ROS 2 package of a robot. `description` is the description of the robot in its document."""
     root = Element(tag="package", attributes={"format": "3"})
     root.fill({"name": package_name(robot), "version": said.version, "description": description})
-    root.say("maintainer", said.maintainer, {"email": said.mail})
+    root.add_text("maintainer", said.maintainer, {"email": said.mail})
     root.fill({"license": said.license, "buildtool_depend": "ament_cmake"})
     for name in RUN:
-        root.say("exec_depend", name)
-    root.add("export").say("build_type", "ament_cmake")
+        root.add_text("exec_depend", name)
+    root.add("export").add_text("build_type", "ament_cmake")
     return f'<?xml version="1.0"?>\n{write(root, heading, sections=False).text}'
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from thingc.targets.capabilities import OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_of
+from thingc.targets.capabilities import FULL, OMITTED, Capabilities, Lossy, Omitted, Supported, all_of
 
 JointForm = Literal["each", "universal", "ball", "free"]
 """How a joint is written: as one SDF joint for each coordinate, as an SDF joint with two axes, or as an SDF joint without axes."""
@@ -28,7 +28,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, None, None, SensorForm] = {
         "free": Supported("free", "a link without a joint"),
     },
     "of_joints": {
-        "cone": OMITTED, "velocity": SAYS, "damping": SAYS, "friction": SAYS, "armature": OMITTED, "stiffness": SAYS,
+        "cone": OMITTED, "velocity": FULL, "damping": FULL, "friction": FULL, "armature": OMITTED, "stiffness": FULL,
         "mimic": Supported(None, "from SDFormat 1.11 on"),
         "polynomial": Lossy(None, "approximated", ": linearized at position 0 of the followed joint"), "tendon": OMITTED,
         "differential": OMITTED, "backlash": OMITTED, "delay": OMITTED, "effects": OMITTED,
@@ -40,8 +40,8 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, None, None, SensorForm] = {
     },
     "loops": {**all_of("loops", _LOOP), "hold": Supported(None, "a fixed joint to the world")},
     "bases": {
-        "held": Lossy(None, "approximated", ": the base is fixed in the file"), "free": SAYS, "start": SAYS,
-        "planar": Lossy(None, _CHAIN.how, _CHAIN.words), "ball": SAYS,
+        "held": Lossy(None, "approximated", ": the base is fixed in the file"), "free": FULL, "start": FULL,
+        "planar": Lossy(None, _CHAIN.how, _CHAIN.words), "ball": FULL,
     },
     "modes": {
         "gravity": Lossy(None, "carried as custom data", ", which is written only to the world file"),
@@ -49,11 +49,11 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, None, None, SensorForm] = {
         "timestep": Supported(None, "in the world file"), "simulation": OMITTED,
     },
     "links": {
-        "frames": Supported(None, "`<frame>`"), "colours": SAYS, "friction": SAYS, "rolling": OMITTED, "adhesion": OMITTED,
+        "frames": Supported(None, "`<frame>`"), "colours": FULL, "friction": FULL, "rolling": OMITTED, "adhesion": OMITTED,
         "weightless": _LIGHT, "weightless_base": _LIGHT, "point": _SMALL, "line": _SMALL,
     },
     "shapes": {
-        "box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "ellipsoid": SAYS, "plane": SAYS, "hull": SAYS, "mesh": SAYS,
+        "box": FULL, "cylinder": FULL, "capsule": FULL, "sphere": FULL, "ellipsoid": FULL, "plane": FULL, "hull": FULL, "mesh": FULL,
     },
     "sensors": {
         **all_of("sensors", OMITTED),

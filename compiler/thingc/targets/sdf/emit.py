@@ -126,7 +126,7 @@ def config(name: str, version: str, description: str) -> Element:
     root = Element(tag="model")
     root.fill({"name": name, "version": "1.0"})
     root.children.append(Element(tag="sdf", attributes={"version": version}, text="model.sdf"))
-    root.say("description", description)
+    root.add_text("description", description)
     return root
 
 
@@ -145,15 +145,15 @@ def world(robot: Robot, folder: str) -> Element:
     for system in dict.fromkeys((*ALWAYS, *(system for form, system in SYSTEMS.items() if form in forms))):
         plugin = element.add("plugin", gazebo_system(*system))
         if system == RENDERING:
-            plugin.say("render_engine", "ogre2")
-    element.say("gravity", robot.gravity)
+            plugin.add_text("render_engine", "ogre2")
+    element.add_text("gravity", robot.gravity)
     _light(element, "sun" if robot.assembly.name != "sun" else "light")
     _floor(element, "floor" if robot.assembly.name != "floor" else "ground")
     include = element.add("include")
-    include.say("uri", f"model://{folder}")
+    include.add_text("uri", f"model://{folder}")
     lift = _lift(robot)
     if lift:
-        include.say("pose", (0.0, 0.0, lift, 0.0, 0.0, 0.0))
+        include.add_text("pose", (0.0, 0.0, lift, 0.0, 0.0, 0.0))
     return root
 
 
@@ -172,7 +172,7 @@ def _light(world: Element, name: str) -> None:
 
 def _floor(world: Element, name: str) -> None:
     floor = world.add("model", {"name": name})
-    floor.say("static", "true")
+    floor.add_text("static", "true")
     link = floor.add("link", {"name": "link"})
     for tag in ("collision", "visual"):
         element = link.add(tag, {"name": tag})

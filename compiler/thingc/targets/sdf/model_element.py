@@ -59,7 +59,7 @@ AXES = ("axis", "axis2")
 MESHES = "meshes"
 """The folder that contains the meshes, beside the SDF file."""
 
-PATCH = 16.0 / (3.0 * math.pi)
+PATCH_RADIUS = 16.0 / (3.0 * math.pi)
 """Radius [m] of the contact patch. With this radius, a coefficient of 1 gives the same torque as a torsional friction of 1 m in MuJoCo.
 
 In ODE, the torque is `3 pi / 16` times the coefficient, the radius and the normal force.
@@ -84,15 +84,15 @@ class _Builder:
         self.robots = MangledNames("have the name", "SDF", report)
         self.parts = MangledNames("have the name", "SDF", report)
         self.names: dict[Kind, MangledNames] = {kind: MangledNames("have the name", "SDF", report) for kind in get_args(Kind)}
-        self.taken: dict[str, str] = {}
+        self.owners: dict[str, str] = {}
         self.losses: list[Loss] = []
         links = [self._link_of(index) for index in range(len(robot.bodies))]
         self.links = [self._name("link", link.name, link.origin) for link in links]
         self.root = Element(tag="sdf", attributes={"version": PLAIN}, origin=robot.mode.origin)
-        self.connections = [(one, chain(one, zero.q)) for one in connections(robot, CAPABILITIES["loops"], closed=zero.closed)]
-        self.joints = {step.path: self._name("joint", step.path, one.origin) for one, steps in self.connections for step in steps}
-        moved = [(step, axis, word) for _, steps in self.connections for step in steps for axis, word in zip(step.axes, AXES, strict=False)]
-        self.axes = {axis.joint.path: (self.joints[step.path], word) for step, axis, word in moved}
+        self.connections = [(edge, chain(edge, zero.q)) for edge in connections(robot, CAPABILITIES["loops"], closed=zero.closed)]
+        self.joints = {step.path: self._name("joint", step.path, edge.origin) for edge, steps in self.connections for step in steps}
+        axes = [(step, axis, tag) for _, steps in self.connections for step in steps for axis, tag in zip(step.axes, AXES, strict=False)]
+        self.axes = {axis.joint.path: (self.joints[step.path], tag) for step, axis, tag in axes}
         self.follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in self.axes)
 
     def build(self) -> Element:
@@ -101,14 +101,14 @@ class _Builder:
         self.robots.take(WORLD, (), "the world")
         name = self.robots.take(self.assembly.name, self.assembly.definition.origin, "the robot")
         model = self.root.add("model", {"name": name, "canonical_link": names[0]}, robot.mode.origin)
-        model.say("self_collide", "true")
+        model.add_text("self_collide", "true")
         for index, body in enumerate(robot.bodies):
             if body.parent is None:
                 self._link(model, names[index], index, self.zero.base)
             else:
                 self._link(model, names[index], index, body_pose(body, NO_POSE, self.zero.q), names[body.parent])
-        for one, steps in self.connections:
-            self._lead(model, WORLD if one.parent is None else names[one.parent], names[one.child], one, steps)
+        for edge, steps in self.connections:
+            self._connect(model, WORLD if edge.parent is None else names[edge.parent], names[edge.child], edge, steps)
         for index, sites in frames(robot).items():
             for site in sites:
                 name = self._name("frame", site.path, site.origin)
@@ -118,94 +118,97 @@ class _Builder:
             model.children.extend(plugin(robot, self.zero, steps, self.joints))
         return self.root
 
-    def _name(self, kind: Kind, path: str, origin: Origin, made: str | None = None) -> str:
-        """Reserve the SDF name for a path in the document, and return it.
+    def _name(self, kind: Kind, path: str, origin: Origin, description: str | None = None) -> str:
+        """Reserve the SDF name of an element with a path in the document, and return it. `description` is its name in messages.
 
-        Links, joints and frames share one namespace. If an element of another kind already has this name, the kind is appended to the name.
-        SDFormat does the same for files older than 1.7.
+        Links, joints and frames share one namespace. If an element of another kind already has the name, the kind is appended to the name,
+        as SDFormat does for files older than 1.7.
         """
-        name = own = self.names[kind].take(path, origin, made or f"{kind} `{path}`")
-        while name in self.taken:
+        name = mangled = self.names[kind].take(path, origin, description or f"{kind} `{path}`")
+        while name in self.owners:
             name = f"{name}_{kind}"
-        self.taken[name] = f"{kind} `{path}`"
-        if name != own and made is None:
-            what = f"the name: `{name}` is used, because {self.taken[own]} is `{own}`"
+        self.owners[name] = f"{kind} `{path}`"
+        if name != mangled and description is None:
+            what = f"the name: `{name}` is used, because {self.owners[mangled]} is `{mangled}`"
             self.losses.append(Loss("sdf", None, path, what, "approximated", origin))
         return name
 
-    def _lead(self, model: Element, parent: str, child: str, connection: Connection, steps: tuple[SdfJoint, ...]) -> None:
+    def _connect(self, model: Element, parent: str, child: str, connection: Connection, steps: tuple[SdfJoint, ...]) -> None:
         """Add the SDF joints between two links. Also add the intermediate links, which have the pose of the child link."""
-        *before, last = steps
-        for step in before:
-            between = self._name("link", f"{step.path}{LINK}", connection.origin, f"the child link of joint `{step.path}`")
-            link = model.add("link", {"name": between}, connection.origin)
+        *intermediate, last = steps
+        for step in intermediate:
+            link_name = self._name("link", f"{step.path}{LINK}", connection.origin, f"the child link of joint `{step.path}`")
+            link = model.add("link", {"name": link_name}, connection.origin)
             _set_pose(link, NO_POSE, child)
-            _weigh(link, MassProperties(mass=LEAST_MASS, centre=step.at))
-            self._joint(model, step, parent, between, connection.origin)
-            parent = between
+            _add_inertial(link, MassProperties(mass=LEAST_MASS, centre=step.at))
+            self._joint(model, step, parent, link_name, connection.origin)
+            parent = link_name
         element = self._joint(model, last, parent, child, connection.origin)
         if connection.in_tree:
             sensors_of_joint(self.robot, connection.child, last.at, element, self.parts)
 
     def _joint(self, model: Element, step: SdfJoint, parent: str, child: str, origin: Origin) -> Element:
-        """Add a joint to the SDF model. If the leader of a mimic joint is also a mimic joint, the independent joint is written as the
-        leader, as in URDF.
-        """
+        """Add a joint with one or two axes to the SDF model, and return its element."""
         element = model.add("joint", {"name": self.joints[step.path], "type": step.type}, origin)
         _set_pose(element, make_translation(*step.at))
         screw = 2.0 * math.pi * step.axes[0].twist.pitch if step.type == "screw" else None
         element.fill({"parent": parent, "child": child, "screw_thread_pitch": screw})
         if screw is not None:
             self.root.attributes["version"] = NEWER
-        for word, axis in zip(AXES, step.axes, strict=False):
-            self._axis(element, word, axis, alone=len(step.axes) == 1)
+        for tag, axis in zip(AXES, step.axes, strict=False):
+            self._axis(element, tag, axis, alone=len(step.axes) == 1)
         return element
 
-    def _axis(self, joint: Element, word: str, axis: SdfAxis, *, alone: bool) -> None:
-        """Add an axis element for a coordinate to an SDF joint. The element contains the limits, the dynamics and the mimic constraint."""
-        own, at_zero = axis.joint, self.zero.q.get(axis.joint.path, 0.0)
-        element = joint.add(word)
-        element.say("xyz", axis.twist.axis)
-        dynamics = own.dynamics
+    def _axis(self, joint: Element, tag: str, axis: SdfAxis, *, alone: bool) -> None:
+        """Add an axis element to an SDF joint, with the limits, the dynamics and the mimic constraint of its coordinate.
+
+        If the leader of a mimic joint is also a mimic joint, the independent joint is written as the leader, as in URDF. `alone` is True if
+        the joint has only this axis.
+        """
+        coordinate, at_zero = axis.joint, self.zero.q.get(axis.joint.path, 0.0)
+        element = joint.add(tag)
+        element.add_text("xyz", axis.twist.axis)
+        dynamics = coordinate.dynamics
         if dynamics.damping or dynamics.friction or dynamics.stiffness:
-            acts = element.add("dynamics")
-            acts.fill({"damping": dynamics.damping or None, "friction": dynamics.friction or None})
+            dynamics_element = element.add("dynamics")
+            dynamics_element.fill({"damping": dynamics.damping or None, "friction": dynamics.friction or None})
             if dynamics.stiffness:
-                acts.fill({"spring_reference": (dynamics.rest or 0.0) - at_zero, "spring_stiffness": dynamics.stiffness})
-        leader, multiplier, offset = self.follows.get(own.path, (own.path, 1.0, 0.0))
-        follows = leader != own.path and leader in self.axes
-        driven = own.actuator is not None and own.path in self.robot.present
-        effort = own.limit.effort if own.limit.effort is not None else None if driven or follows else 0.0
-        lower, upper = (None if end is None else end - at_zero for end in (own.limit.lower, own.limit.upper))
-        element.add("limit").fill({"lower": lower, "upper": upper, "effort": effort, "velocity": own.limit.velocity})
+                dynamics_element.fill({"spring_reference": (dynamics.rest or 0.0) - at_zero, "spring_stiffness": dynamics.stiffness})
+        leader, multiplier, offset = self.follows.get(coordinate.path, (coordinate.path, 1.0, 0.0))
+        follows = leader != coordinate.path and leader in self.axes
+        driven = coordinate.actuator is not None and coordinate.path in self.robot.present
+        effort = coordinate.limit.effort if coordinate.limit.effort is not None else None if driven or follows else 0.0
+        lower, upper = (None if end is None else end - at_zero for end in (coordinate.limit.lower, coordinate.limit.upper))
+        element.add("limit").fill({"lower": lower, "upper": upper, "effort": effort, "velocity": coordinate.limit.velocity})
         if not follows:
             return
-        there, which = self.axes[leader]
+        leader_joint, leader_axis = self.axes[leader]
         offset += multiplier * self.zero.q[leader] - at_zero
-        mimic = element.add("mimic", {"joint": there, "axis": which}, own.mimic.origin if own.mimic is not None else own.origin)
+        origin = coordinate.mimic.origin if coordinate.mimic is not None else coordinate.origin
+        mimic = element.add("mimic", {"joint": leader_joint, "axis": leader_axis}, origin)
         mimic.fill({"multiplier": multiplier, "offset": offset, "reference": 0.0})
         self.root.attributes["version"] = NEWER
-        if alone and (there, "axis2") not in self.axes.values():
+        if alone and (leader_joint, "axis2") not in self.axes.values():
             self.root.attributes["xmlns:drake"] = NAMESPACES["drake"]
-            joint.add("drake:mimic", {"joint": there, "multiplier": multiplier, "offset": offset})
+            joint.add("drake:mimic", {"joint": leader_joint, "multiplier": multiplier, "offset": offset})
 
     def _link(self, model: Element, name: str, index: int, pose: Pose, parent: str | None = None) -> None:
         """Add a link with its inertia, shapes and sensors to the SDF model."""
         link = self._link_of(index)
         element = model.add("link", {"name": name}, link.origin)
         _set_pose(element, pose, parent)
-        _weigh(element, link.properties)
-        for member, at in zip(link.members, link.poses, strict=True):
+        _add_inertial(element, link.properties)
+        for member, part_pose in zip(link.members, link.poses, strict=True):
             shapes = self.geometry.shapes[member]
             for shape, path in zip(shapes.visual, shape_names(shapes.visual, f"{shapes.path}_visual"), strict=True):
                 visual = element.add("visual", {"name": self.parts.take(path, shapes.origin)}, shapes.origin)
-                _shape(visual, shape, at)
+                _shape(visual, shape, part_pose)
                 if shape.color is not None:
-                    _paint(visual, shape.color)
+                    _set_colour(visual, shape.color)
             for shape, path in zip(shapes.collision, shape_names(shapes.collision, f"{shapes.path}_collision"), strict=True):
                 collision = element.add("collision", {"name": self.parts.take(path, shapes.origin)}, shapes.origin)
-                _shape(collision, shape, at)
-                _rub(collision, shape.material)
+                _shape(collision, shape, part_pose)
+                _add_friction(collision, shape.material)
         sensors_of_link(self.robot, index, element, self.parts)
 
     def _link_of(self, index: int) -> Link:
@@ -215,9 +218,9 @@ class _Builder:
 def _set_pose(element: Element, pose: Pose, relative_to: str | None = None) -> None:
     """Add a `<pose>` element. The element is omitted if the pose is the identity."""
     if relative_to is not None or pose != NO_POSE:
-        turned = (0.0, 0.0, 0.0) if pose.rotation == IDENTITY else rpy_of(pose.rotation)
+        rpy = (0.0, 0.0, 0.0) if pose.rotation == IDENTITY else rpy_of(pose.rotation)
         attributes = {} if relative_to is None else {"relative_to": relative_to}
-        element.say("pose", (*pose.translation, *turned), attributes)
+        element.add_text("pose", (*pose.translation, *rpy), attributes)
 
 
 def _shape(element: Element, shape: Shape, at: Pose) -> None:
@@ -225,28 +228,28 @@ def _shape(element: Element, shape: Shape, at: Pose) -> None:
     geometry = element.add("geometry").add(shape.kind)
     match shape.kind:
         case "mesh":
-            geometry.say("uri", f"{MESHES}/{shape.mesh}.obj")
+            geometry.add_text("uri", f"{MESHES}/{shape.mesh}.obj")
         case "box":
-            geometry.say("size", tuple(2.0 * half for half in shape.size))
+            geometry.add_text("size", tuple(2.0 * half for half in shape.size))
         case "sphere":
-            geometry.say("radius", shape.size[0])
+            geometry.add_text("radius", shape.size[0])
         case "ellipsoid":
-            geometry.say("radii", shape.size)
+            geometry.add_text("radii", shape.size)
         case "plane":
             geometry.fill({"normal": "0 0 1", "size": tuple(2.0 * (half or ENDLESS) for half in shape.size[:2])})
         case _:
             geometry.fill({"radius": shape.size[0], "length": 2.0 * shape.size[1]})
 
 
-def _paint(visual: Element, color: str) -> None:
+def _set_colour(visual: Element, color: str) -> None:
     """Set the colour of a visual element."""
     *_, opacity = channels(color)
     if opacity < 1.0:
-        visual.say("transparency", 1.0 - opacity)
+        visual.add_text("transparency", 1.0 - opacity)
     visual.add("material").fill(dict.fromkeys(("ambient", "diffuse"), channels(color)))
 
 
-def _rub(collision: Element, material: Material | None) -> None:
+def _add_friction(collision: Element, material: Material | None) -> None:
     """Add the friction of a material to a collision element. Nothing is added if the material does not specify friction."""
     if material is None or (material.slide is None and material.torsion is None):
         return
@@ -254,22 +257,21 @@ def _rub(collision: Element, material: Material | None) -> None:
     if material.slide is not None:
         friction.add("ode").fill({"mu": material.slide, "mu2": material.slide})
     if material.torsion is not None:
-        torsional: dict[str, XmlValue] = {"coefficient": "1", "use_patch_radius": "true", "patch_radius": PATCH * material.torsion}
+        torsional: dict[str, XmlValue] = {"coefficient": "1", "use_patch_radius": "true", "patch_radius": PATCH_RADIUS * material.torsion}
         friction.add("torsional").fill(torsional)
 
 
-def _weigh(link: Element, properties: MassProperties) -> None:
-    """Add the inertia of a link: its mass [kg], its centre of mass [m], and its inertia about the centre of mass [kg m^2], along the axes
-    of the link.
+def _add_inertial(link: Element, properties: MassProperties) -> None:
+    """Add an `<inertial>` element to a link: mass [kg], centre of mass [m], and inertia about it [kg m^2] along the axes of the link.
 
-    Values that are smaller than the minimum of SDF are replaced by the minimum.
+    A zero mass, and an inertia that no solid can have, are replaced by small positive values.
     """
-    least = LEAST_INERTIA
+    minimum = LEAST_INERTIA
     fault = physical_fault(properties.inertia) is not None
-    i = ((least, 0.0, 0.0), (0.0, least, 0.0), (0.0, 0.0, least)) if fault else within_triangle(properties.inertia)
+    i = ((minimum, 0.0, 0.0), (0.0, minimum, 0.0), (0.0, 0.0, minimum)) if fault else within_triangle(properties.inertia)
     inertial = link.add("inertial")
     _set_pose(inertial, make_translation(*properties.centre))
-    inertial.say("mass", properties.mass or LEAST_MASS)
+    inertial.add_text("mass", properties.mass or LEAST_MASS)
     inertial.add("inertia").fill(named_moments(i))
 
 
@@ -300,5 +302,5 @@ def _controller(robot: Robot, zero: ZeroState, name: str, joint: TreeJoint | Joi
         effort = UNBOUNDED if joint.limit.effort is None else joint.limit.effort
         element.fill({"p_gain": p or 0.0, "i_gain": 0.0, "d_gain": d or 0.0, "cmd_max": effort or 0.0, "cmd_min": -effort or 0.0})
     if form == "position controller" and robot.keyframes:
-        element.say("initial_position", robot.keyframes[0].q[joint.path] - zero.q[joint.path] or 0.0)
+        element.add_text("initial_position", robot.keyframes[0].q[joint.path] - zero.q[joint.path] or 0.0)
     return element

@@ -52,29 +52,29 @@ def sensors_of_link(robot: Robot, body: int, link: Element, names: MangledNames)
         if written_as(CAPABILITIES["sensors"][sensor.kind]) == "contact" and sensor.touching[0] == robot.bodies[body].link and collisions:
             contact = _sensor(link, sensor, "contact", None, names).add("contact")
             for name in collisions:
-                contact.say("collision", name)
+                contact.add_text("collision", name)
 
 
 def _sensor(parent: Element, sensor: LinkedSensor, form: SensorForm, pose: Pose | None, names: MangledNames) -> Element:
     element = parent.add("sensor", {"name": names.take(sensor.path, sensor.origin), "type": form}, sensor.origin)
     if pose is not None:
-        element.say("pose", (*pose.translation, *rpy_of(pose.rotation)))
-    element.say("always_on", "true")
+        element.add_text("pose", (*pose.translation, *rpy_of(pose.rotation)))
+    element.add_text("always_on", "true")
     return element
 
 
 def _camera(element: Element, fovy: float) -> None:
     """Add a `<camera>` element to an SDF sensor. The horizontal field of view is computed from the vertical field of view `fovy` [rad]."""
-    element.say("update_rate", RATE)
+    element.add_text("update_rate", RATE)
     camera = element.add("camera")
-    camera.say("horizontal_fov", 2.0 * numeric.atan(numeric.tan(fovy / 2.0) * WIDTH / HEIGHT))
+    camera.add_text("horizontal_fov", 2.0 * numeric.atan(numeric.tan(fovy / 2.0) * WIDTH / HEIGHT))
     camera.add("image").fill({"width": WIDTH, "height": HEIGHT})
     camera.add("clip").fill({"near": NEAR, "far": FAR})
 
 
 def _ray(element: Element, reach: float) -> None:
     """Add a single ray with a range of `reach` [m] to an SDF sensor."""
-    element.say("update_rate", RATE)
+    element.add_text("update_rate", RATE)
     lidar = element.add("lidar")
     lidar.add("scan").add("horizontal").fill({"samples": "1", "min_angle": "0", "max_angle": "0"})
     lidar.add("range").fill({"min": "0", "max": "inf" if numeric.isinf(reach) else reach})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, Never
 
-from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_of
+from thingc.targets.capabilities import COMPANION, FULL, OMITTED, Capabilities, Lossy, Omitted, Supported, all_of
 
 JointForm = Literal["each", "threaded", "floating"]
 """How a joint is written. A coordinate becomes a rotation or a slide, and a screw becomes a rotation and a slide that mimics the
@@ -29,7 +29,7 @@ CAPABILITIES: Capabilities[JointForm, None, Never, ShapeForm, Never] = {
         "ball": _BALL, "free": Supported("floating", "a `floating` joint"),
     },
     "of_joints": {
-        "cone": OMITTED, "velocity": SAYS, "damping": SAYS, "friction": SAYS, "armature": OMITTED, "stiffness": OMITTED, "mimic": SAYS,
+        "cone": OMITTED, "velocity": FULL, "damping": FULL, "friction": FULL, "armature": OMITTED, "stiffness": OMITTED, "mimic": FULL,
         "polynomial": Lossy(None, "approximated", ": linearized at position 0 of the followed joint"), "tendon": OMITTED,
         "differential": Supported(None, "`<transmission>`"), "backlash": OMITTED,
         "delay": OMITTED, "effects": OMITTED,
@@ -50,14 +50,14 @@ CAPABILITIES: Capabilities[JointForm, None, Never, ShapeForm, Never] = {
         "pairs": OMITTED, "groups": OMITTED, "timestep": OMITTED, "simulation": OMITTED,
     },
     "links": {
-        "frames": Supported(None, "massless links"), "colours": SAYS, "friction": OMITTED, "rolling": OMITTED, "adhesion": OMITTED,
-        "weightless": Lossy(None, "approximated", ": a moving link has a mass of 1e-9 kg in the file"), "weightless_base": SAYS,
-        "point": SAYS, "line": Lossy(None, "approximated", ": the inertia is 0 in the file, as for a point mass"),
+        "frames": Supported(None, "massless links"), "colours": FULL, "friction": OMITTED, "rolling": OMITTED, "adhesion": OMITTED,
+        "weightless": Lossy(None, "approximated", ": a moving link has a mass of 1e-9 kg in the file"), "weightless_base": FULL,
+        "point": FULL, "line": Lossy(None, "approximated", ": the inertia is 0 in the file, as for a point mass"),
     },
     "shapes": {
         **all_of("shapes", _ITSELF), "capsule": Supported("cylinder and balls", "a cylinder between two spheres"), "ellipsoid": _NONE,
         "plane": _NONE,
     },
     "sensors": all_of("sensors", _NONE),
-    "of_sensors": all_of("of_sensors", BESIDE),
+    "of_sensors": all_of("of_sensors", COMPANION),
 }

@@ -32,7 +32,7 @@ UNBOUNDED = 1e9
 m/s.
 """
 
-BETWEEN = MassProperties(mass=1e-9, centre=(0.0, 0.0, 0.0), inertia=((1e-12, 0.0, 0.0), (0.0, 1e-12, 0.0), (0.0, 0.0, 1e-12)))
+SMALL_MASS = MassProperties(mass=1e-9, centre=(0.0, 0.0, 0.0), inertia=((1e-12, 0.0, 0.0), (0.0, 1e-12, 0.0), (0.0, 0.0, 1e-12)))
 """Mass properties that are written for a moving link without mass, because MuJoCo rejects a mass of zero."""
 
 MASSLESS = MassProperties(mass=0.0)
@@ -84,42 +84,42 @@ class _Builder:
         """
         for name, (color, origin) in materials(self.geometry.shapes).items():
             self.root.add("material", {"name": name}, origin).add("color", {"rgba": channels(color)})
-        lead = [self.robot.moves if body.parent is None else body.joints for body in self.robot.bodies]
-        own = [own_frame(joints) for joints in lead]
+        leading_joints = [self.robot.moves if body.parent is None else body.joints for body in self.robot.bodies]
+        own_frames = [own_frame(joints) for joints in leading_joints]
         names = [self.links.take(self._link_of(body).name, self._link_of(body).origin) for body in self.robot.bodies]
         if self.robot.base != "free":
             self.root.add("link", {"name": self.links.take(WORLD, self.robot.mode.origin)}, self.robot.mode.origin)
         else:
-            self.root.add("gazebo").say("static", "false")
+            self.root.add("gazebo").add_text("static", "false")
         sites = frames(self.robot)
         for index, body in enumerate(self.robot.bodies):
             parent = (WORLD if self.robot.base != "free" else None) if body.parent is None else names[body.parent]
-            X_PL = body.X_PL if body.parent is None else own[body.parent].inverse() @ body.X_PL
+            X_PL = body.X_PL if body.parent is None else own_frames[body.parent].inverse() @ body.X_PL
             if parent is not None:
-                self._lead(parent, names[index], tuple(moves(lead[index], X_PL, self.mimics)), X_PL, body)
-            self._link(names[index], body, own[index].inverse())
+                self._connect(parent, names[index], tuple(moves(leading_joints[index], X_PL, self.mimics)), X_PL, body)
+            self._link(names[index], body, own_frames[index].inverse())
             link = self._link_of(body)
-            if own[index] != NO_POSE:
-                made = f"the frame of link `{link.name}`"
-                self._frame(names[index], f"{link.name}_frame", own[index].inverse(), link.origin, made)
+            if own_frames[index] != NO_POSE:
+                description = f"the frame of link `{link.name}`"
+                self._frame(names[index], f"{link.name}_frame", own_frames[index].inverse(), link.origin, description)
             for site in sites.get(index, ()):
-                self._frame(names[index], site.path, own[index].inverse() @ site.pose, site.origin)
+                self._frame(names[index], site.path, own_frames[index].inverse() @ site.pose, site.origin)
         self.transmissions += map(urdf_transmission, coupled_transmissions(self.robot))
         self.root.children += self.followers + self.frames + self.transmissions
         return self.root
 
-    def _lead(self, parent: str, child: str, chain: tuple[Move, ...], X_PL: Pose, body: Body) -> None:
+    def _connect(self, parent: str, child: str, chain: tuple[Move, ...], X_PL: Pose, body: Body) -> None:
         """Add the URDF joints between two links, and the intermediate links. If the body does not move, a fixed joint is added."""
         if not chain:
             mate = None if body.mate is None else self.assembly.mates[body.mate]
             path, origin = (BASE, self.robot.mode.origin) if mate is None else (mate.name or child, mate.origin)
             self.root.children.append(self._joint(path, "fixed", parent, child, X_PL, origin))
             return
-        for number_, move in enumerate(chain):
-            last = number_ == len(chain) - 1
+        for index, move in enumerate(chain):
+            last = index == len(chain) - 1
             end = child if last else self.links.take(f"{move.path}{LINK}", move.joint.origin, f"the child link of joint `{move.path}`")
             if not last:
-                _weigh(self.root.add("link", {"name": end}, move.joint.origin), BETWEEN)
+                _add_inertial(self.root.add("link", {"name": end}, move.joint.origin), SMALL_MASS)
             self._moving(move, parent, end)
             parent = end
 
@@ -129,19 +129,19 @@ class _Builder:
         if move.type == "floating":
             self.root.children.append(self._joint(move.path, "floating", parent, child, move.origin, joint.origin))
             return
-        ends = self._ends(move)
-        endless = move.type == "turn" and ends == (-UNBOUNDED, UNBOUNDED)
+        limits = self._limits(move)
+        endless = move.type == "turn" and limits == (-UNBOUNDED, UNBOUNDED)
         alone = not (move.mimic or joint.twist.pitch or joint.path in self.followed)
         kind = "prismatic" if move.type == "slide" else "continuous" if endless and alone else "revolute"
-        made = f"the slide of `{joint.path}`" if move.thread is not None else None
-        element = self._joint(move.path, kind, parent, child, move.origin, joint.origin, made)
+        description = f"the slide of `{joint.path}`" if move.thread is not None else None
+        element = self._joint(move.path, kind, parent, child, move.origin, joint.origin, description)
         element.add("axis", {"xyz": move.axis})
-        bounds = {} if kind == "continuous" else {"lower": ends[0], "upper": ends[1]}
-        element.add("limit", {**bounds, **self._strength(move)})
+        bounds = {} if kind == "continuous" else {"lower": limits[0], "upper": limits[1]}
+        element.add("limit", {**bounds, **self._effort_and_velocity(move)})
         if move.thread is None:
             dynamics = {"damping": joint.dynamics.damping, "friction": joint.dynamics.friction}
-            if acting := {name: value for name, value in dynamics.items() if value}:
-                element.add("dynamics", acting)
+            if friction := {name: value for name, value in dynamics.items() if value}:
+                element.add("dynamics", friction)
         if move.mimic is not None:
             leader, multiplier, offset = move.mimic
             origin = joint.mimic.origin if joint.mimic is not None else joint.origin
@@ -151,27 +151,24 @@ class _Builder:
         if drive is not None and is_written(CAPABILITIES["drives"][drive_cell(joint, drive)]):
             self.transmissions.append(urdf_transmission(simple_transmission(element.get("name"), drive)))
 
-    def _ends(self, move: Move) -> tuple[float, float]:
-        """Return the lower and upper limit of a URDF joint.
-
-        If a mimic joint has no limits, they are computed from the limits of its leader.
-        """
+    def _limits(self, move: Move) -> tuple[float, float]:
+        """Return the lower and upper limit [rad or m] of a URDF joint. A mimic joint without limits gets them from its leader."""
         limit, ratio, offset = move.joint.limit, 1.0 if move.thread is None else move.thread, 0.0
         if not limit.bounded and move.mimic is not None:
             leader, ratio, offset = move.mimic
             limit = leader.limit
-        ends = [None if end is None else end * ratio + offset for end in (limit.lower, limit.upper)]
-        lower, upper = ends if ratio > 0.0 else ends[::-1]
+        values = [None if end is None else end * ratio + offset for end in (limit.lower, limit.upper)]
+        lower, upper = values if ratio > 0.0 else values[::-1]
         return (-UNBOUNDED if lower is None else lower), (UNBOUNDED if upper is None else upper)
 
-    def _strength(self, move: Move) -> dict[str, XmlValue]:
-        """Return the effort and velocity limits of a URDF joint.
+    def _effort_and_velocity(self, move: Move) -> dict[str, XmlValue]:
+        """Return the attributes with the effort and velocity limits of a URDF joint.
 
-        For the slide of a screw, the limits are computed from the limits of the rotation, which has the drive.
+        The slide of a screw has no effort, and its velocity follows from the rotation, which has the drive.
         """
         joint = move.joint
         if joint.kind.at_once and joint.mate >= 0:
-            effort, velocity = self._strength_of_turn(joint)
+            effort, velocity = self._ball_effort_and_velocity(joint)
         else:
             effort, velocity = self._effort(joint), joint.limit.velocity
         if move.thread is not None:
@@ -187,52 +184,56 @@ class _Builder:
         efforts = [share * (UNBOUNDED if row.limit.effort is None else row.limit.effort) for row, share in rows]
         return minimum(UNBOUNDED, sum_of(efforts))
 
-    def _strength_of_turn(self, joint: TreeJoint) -> tuple[float, float | None]:
+    def _ball_effort_and_velocity(self, joint: TreeJoint) -> tuple[float, float | None]:
         """Return the effort and velocity limits of one of the three rotations of a ball joint, at q = 0.
 
         The effort limit is the largest total torque of the drives about the axis of the rotation. The total must be computed because each
         drive has its own axis. The velocity limit is that of the slowest drive.
         """
         joints = self.assembly.mates[joint.mate].joints
-        about = next(index for index, one in enumerate(joints) if one.path == joint.path)
-        drives = [(one, abs(one.actuator.axis[about])) for one in joints if one.actuator is not None and one.actuator.axis is not None]
-        efforts = [share * self._effort(one) for one, share in drives]
-        speeds = [one.limit.velocity / share for one, share in drives if share and one.limit.velocity is not None]
+        axis = next(index for index, coordinate in enumerate(joints) if coordinate.path == joint.path)
+        driven = [(joint, joint.actuator.axis) for joint in joints if joint.actuator is not None and joint.actuator.axis is not None]
+        drives = [(coordinate, abs(drive_axis[axis])) for coordinate, drive_axis in driven]
+        efforts = [share * self._effort(coordinate) for coordinate, share in drives]
+        speeds = [coordinate.limit.velocity / share for coordinate, share in drives if share and coordinate.limit.velocity is not None]
         return minimum(UNBOUNDED, sum_of(efforts)), minimum(speeds, default=None)
 
-    def _joint(self, path: str, kind: str, parent: str, child: str, origin: Pose, made_by: Origin, made: str | None = None) -> Element:
-        element = Element(tag="joint", attributes={"name": self.joints.take(path, made_by, made), "type": kind}, origin=made_by)
+    def _joint(
+        self, path: str, kind: str, parent: str, child: str, origin: Pose, source: Origin, description: str | None = None,
+    ) -> Element:
+        element = Element(tag="joint", attributes={"name": self.joints.take(path, source, description), "type": kind}, origin=source)
         _origin(element, origin)
         element.add("parent", {"link": parent})
         element.add("child", {"link": child})
         return element
 
-    def _frame(self, link: str, path: str, pose: Pose, origin: Origin, made: str | None = None) -> None:
+    def _frame(self, link: str, path: str, pose: Pose, origin: Origin, description: str | None = None) -> None:
         """Add a massless link to the URDF file for a frame of the robot."""
-        if self.links.free(path, origin, made):
+        if self.links.free(path, origin, description):
             frame = Element(tag="link", attributes={"name": safe(path)}, origin=origin)
-            _weigh(frame, MASSLESS)
-            joint = self._joint(f"{path}_joint", "fixed", link, safe(path), pose, origin, f"the joint that fixes {made or f'`{path}`'}")
+            _add_inertial(frame, MASSLESS)
+            fixing = f"the joint that fixes {description or f'`{path}`'}"
+            joint = self._joint(f"{path}_joint", "fixed", link, safe(path), pose, origin, fixing)
             self.frames += frame, joint
 
     def _link(self, name: str, body: Body, X_CL: Pose) -> None:
         """Add a link with its inertia and shapes, expressed in the URDF frame of the link."""
         link = self._link_of(body)
         element = self.root.add("link", {"name": name}, link.origin)
-        weight = BETWEEN if body.joints else MASSLESS
-        _weigh(element, link.properties.seen_from(X_CL) if link.properties.mass > 0.0 else weight)
+        weight = SMALL_MASS if body.joints else MASSLESS
+        _add_inertial(element, link.properties.seen_from(X_CL) if link.properties.mass > 0.0 else weight)
         for member, pose in zip(link.members, link.poses, strict=True):
-            shapes, at = self.geometry.shapes[member], X_CL @ pose
+            shapes, part_pose = self.geometry.shapes[member], X_CL @ pose
             for shape, name in zip(shapes.visual, shape_names(shapes.visual, shapes.path), strict=True):
-                for number_, part in enumerate(parts(shape)):
-                    visual = element.add("visual", {"name": name_with_index(name, number_)}, shapes.origin)
-                    self._shape(visual, part, at)
+                for index, part in enumerate(parts(shape)):
+                    visual = element.add("visual", {"name": name_with_index(name, index)}, shapes.origin)
+                    self._shape(visual, part, part_pose)
                     material = material_name(shape.material, shape.color)
                     if material is not None:
                         visual.add("material", {"name": material})
             for shape, name in zip(shapes.collision, shape_names(shapes.collision, f"{shapes.path}:collision"), strict=True):
-                for number_, part in enumerate(parts(shape)):
-                    self._shape(element.add("collision", {"name": name_with_index(name, number_)}, shapes.origin), part, at)
+                for index, part in enumerate(parts(shape)):
+                    self._shape(element.add("collision", {"name": name_with_index(name, index)}, shapes.origin), part, part_pose)
 
     def _shape(self, element: Element, shape: Shape, pose: Pose) -> None:
         _origin(element, pose @ shape.pose)
@@ -252,9 +253,7 @@ class _Builder:
 
 
 def parts(shape: Shape) -> tuple[Shape, ...]:
-    """Split a shape into shapes that URDF 1.0 supports. The union of these shapes is the given shape. The function is needed because URDF
-    does not support capsules.
-    """
+    """Split a shape into shapes that URDF 1.0 supports, such as a capsule into a cylinder and two spheres."""
     form = written_as(CAPABILITIES["shapes"][shape_cell(shape.kind)])
     match form:
         case "itself":
@@ -276,12 +275,8 @@ def _origin(element: Element, pose: Pose) -> None:
         element.add("origin", attributes)
 
 
-def _weigh(link: Element, properties: MassProperties) -> None:
-    """Add an `<inertial>` element to a link. The element contains the mass [kg], the centre of mass [m], and the inertia about the centre
-    of mass [kg m^2].
-
-    The inertia is expressed along the axes of the link.
-    """
+def _add_inertial(link: Element, properties: MassProperties) -> None:
+    """Add an `<inertial>` element to a link: mass [kg], centre of mass [m], and inertia about it [kg m^2] along the axes of the link."""
     inertial = link.add("inertial")
     _origin(inertial, make_translation(*properties.centre))
     inertial.add("mass", {"value": properties.mass})

@@ -74,7 +74,7 @@ def coupled_transmissions(robot: Robot) -> Iterator[RosTransmission]:
 def urdf_transmission(of: RosTransmission) -> Element:
     """Return the `<transmission>` element of a URDF file. Simple transmissions have their ratio at the actuator, as ROS 1 requires."""
     element = Element(tag="transmission", attributes={"name": of.name}, origin=of.origin)
-    element.say("type", f"transmission_interface/{of.plugin}")
+    element.add_text("type", f"transmission_interface/{of.plugin}")
     alone = len(of.joints) == 1
     for k, (name, ratio) in enumerate(of.joints.items(), start=1):
         element.add("joint", {"name": name}).fill({
@@ -91,10 +91,10 @@ def urdf_transmission(of: RosTransmission) -> Element:
 def control_transmission(of: RosTransmission) -> Element:
     """Return the `<transmission>` element of a `<ros2_control>` element."""
     element = Element(tag="transmission", attributes={"name": of.name}, origin=of.origin)
-    element.say("plugin", f"transmission_interface/{of.plugin}")
+    element.add_text("plugin", f"transmission_interface/{of.plugin}")
     for tag, reductions in (("actuator", of.actuators), ("joint", of.joints)):
         for k, (name, ratio) in enumerate(reductions.items(), start=1):
-            element.add(tag, {"name": name, "role": f"{tag}{k}"}).say("mechanical_reduction", ratio)
+            element.add(tag, {"name": name, "role": f"{tag}{k}"}).add_text("mechanical_reduction", ratio)
     return element
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, Never
 
-from thingc.targets.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Lossy, Omitted, Supported, all_of
+from thingc.targets.capabilities import COMPANION, FULL, OMITTED, Capabilities, Lossy, Omitted, Supported, all_of
 
 JointForm = Literal["single", "generic", "spherical", "free"]
 """How a joint is written: as `PhysicsRevoluteJoint` or `PhysicsPrismaticJoint`, as `PhysicsJoint`, or as `PhysicsSphericalJoint`."""
@@ -35,21 +35,21 @@ CAPABILITIES: Capabilities[JointForm, None, None, ShapeForm, Never] = {
         "polynomial": Lossy(None, "approximated", ": linearized at position 0 of the followed joint"), "tendon": OMITTED,
         "differential": OMITTED, "backlash": OMITTED, "delay": OMITTED, "effects": OMITTED,
     },
-    "drives": {"position": SAYS, "velocity": SAYS, "motor": SAYS, "universal": SAYS, "ball": OMITTED},
+    "drives": {"position": FULL, "velocity": FULL, "motor": FULL, "universal": FULL, "ball": OMITTED},
     "loops": {
         **all_of("loops", _EXCLUDED), "screw": Lossy(None, "approximated", ": rotation and translation are independent"),
     },
     "bases": {
         "held": Lossy(None, "approximated", ": the base is fixed in the file"),
-        "free": SAYS, "start": SAYS, "planar": Supported(None, _GENERIC.how),
-        "ball": SAYS,
+        "free": FULL, "start": FULL, "planar": Supported(None, _GENERIC.how),
+        "ball": FULL,
     },
     "modes": {
-        "gravity": SAYS, "poses": _NONE, "exclude": Supported(None, "filtered pairs"), "pairs": OMITTED, "groups": OMITTED,
+        "gravity": FULL, "poses": _NONE, "exclude": Supported(None, "filtered pairs"), "pairs": OMITTED, "groups": OMITTED,
         "timestep": OMITTED, "simulation": OMITTED,
     },
     "links": {
-        "frames": Supported(None, "`Xform`"), "colours": SAYS, "friction": SAYS,
+        "frames": Supported(None, "`Xform`"), "colours": FULL, "friction": FULL,
         "rolling": Lossy(None, "carried as custom data", ", which only Newton reads"), "adhesion": OMITTED, "weightless": _LIGHT,
         "weightless_base": _LIGHT, "point": _SMALL, "line": _SMALL,
     },
@@ -59,5 +59,5 @@ CAPABILITIES: Capabilities[JointForm, None, None, ShapeForm, Never] = {
         "mesh": Lossy("Mesh", "approximated", ": the convex hull of the mesh is used"),
     },
     "sensors": all_of("sensors", _NONE),
-    "of_sensors": all_of("of_sensors", BESIDE),
+    "of_sensors": all_of("of_sensors", COMPANION),
 }

@@ -125,7 +125,7 @@ def articulation(prim: Prim) -> None:
     The links of an articulation collide with each other, except for pairs that are filtered.
     """
     prim.schemas.append("PhysxArticulationAPI")
-    prim.say("bool physxArticulation:enabledSelfCollisions", "1")
+    prim.set("bool physxArticulation:enabledSelfCollisions", "1")
 
 
 def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:

@@ -49,7 +49,7 @@ SCENE, MATERIALS, JOINTS = "scene", "materials", "joints"
 UNCOLOURED = "#bfbfbf"
 """Colour of shapes for which the document does not specify a colour, as in GLB files."""
 
-SLIDE = 1.0
+DEFAULT_SLIDE = 1.0
 """Sliding friction of a shape whose material does not specify it. The value is the default of MuJoCo, so that all formats agree. Without a
 value, UsdPhysics would use a friction of 0, and each simulator a different default for shapes without a material.
 """
@@ -60,7 +60,7 @@ LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
 ROUGHNESS = 0.6
 """Roughness of the material of all surfaces. The value is constant because documents specify colours but no gloss."""
 
-ROOM = 2.0**-22
+MOMENT_MARGIN = 2.0**-22
 """Relative margin between the largest principal moment and the sum of the other two moments.
 
 For a flat body, the largest moment equals this sum. Without the margin, rounding to floats could make it larger than the sum.
@@ -87,10 +87,10 @@ class _Builder:
         self.path = f"/{self.assembly.name}"
         self.root = Prim(type="Xform", name=self.assembly.name)
         self.followers = followers(robot)
-        touching = [_friction(shape.material) for one in geometry.shapes for shape in one.collision]
-        self.frictions = {friction: f"{friction[0]}_friction" for friction in touching}
+        frictions = [_friction(shape.material) for shapes in geometry.shapes for shape in shapes.collision]
+        self.frictions = {friction: f"{friction[0]}_friction" for friction in frictions}
         self.colors = {name: color for name, (color, _) in materials(geometry.shapes).items()}
-        if any(shape.color is None for one in geometry.shapes for shape in one.visual):
+        if any(shape.color is None for shapes in geometry.shapes for shape in shapes.visual):
             self.colors["color"] = UNCOLOURED
         self.materials = identifiers({**{name: name for name in self.colors}, **self.frictions})
 
@@ -99,8 +99,9 @@ class _Builder:
         joints.
         """
         robot = self.robot
-        for word, what in ((SCENE, "the physics scene"), (MATERIALS, "the scope of the materials"), (JOINTS, "the scope of the joints")):
-            self.names.take(word, (), what)
+        scopes = ((SCENE, "the physics scene"), (MATERIALS, "the scope of the materials"), (JOINTS, "the scope of the joints"))
+        for scope_name, description in scopes:
+            self.names.take(scope_name, (), description)
         links = [robot.assembly.links[body.link] for body in robot.bodies]
         names = [self.names.take(link.name, link.origin) for link in links]
         self._scene()
@@ -112,18 +113,18 @@ class _Builder:
             if index == 0:
                 prim.schemas.append("PhysicsArticulationRootAPI")
                 articulation(prim)
-            apart = [names[max(pair)] for pair in robot.excluded if min(pair) == index]
-            if apart:
+            filtered = [names[max(pair)] for pair in robot.excluded if min(pair) == index]
+            if filtered:
                 prim.schemas.append("PhysicsFilteredPairsAPI")
-                prim.say("rel physics:filteredPairs", f"[{', '.join(f'<{self.path}/{other}>' for other in apart)}]")
-            inside = MangledNames("have the name", f"USD, below `{name}`,", self.report)
+                prim.set("rel physics:filteredPairs", f"[{', '.join(f'<{self.path}/{other}>' for other in filtered)}]")
+            site_names = MangledNames("have the name", f"USD, below `{name}`,", self.report)
             for site in sites.get(index, ()):
-                if inside.free(site.path, site.origin):
+                if site_names.unique_name(site.path, site.origin):
                     prim.add("Xform", safe(site.path)).place(site.pose)
             self._shapes(prim, links[index])
         holder = Prim(type="Scope", name=JOINTS)
         for connection in connections(robot, CAPABILITIES["loops"]):
-            self._lead(holder, names, poses, connection)
+            self._connect(holder, names, poses, connection)
         self.root.children.append(holder)
         return self.root
 
@@ -174,35 +175,35 @@ class _Builder:
         prim.place(pose, always=True)
         return prim
 
-    def _lead(self, holder: Prim, names: list[str], poses: tuple[Pose, ...], connection: Connection) -> None:
+    def _connect(self, holder: Prim, names: list[str], poses: tuple[Pose, ...], connection: Connection) -> None:
         """Add the USD joints between two links. Also add the intermediate links, which have the pose of the child link."""
         parent, X_0 = self.path if connection.parent is None else f"{self.path}/{names[connection.parent]}", connection.X_0
-        *before, last = chain(connection)
-        for step in before:
-            between = self.names.take(f"{step.path}{LINK}", connection.origin, f"the child link of joint `{step.path}`")
+        *intermediate, last = chain(connection)
+        for step in intermediate:
+            link_name = self.names.take(f"{step.path}{LINK}", connection.origin, f"the child link of joint `{step.path}`")
             start = Pose() if connection.parent is None else poses[connection.parent]
-            self._body(between, MassProperties(mass=0.0, centre=step.frame.translation), start @ connection.X_0)
-            self._joint(holder, step, connection, (parent, X_0), (f"{self.path}/{between}", Pose()))
-            parent, X_0 = f"{self.path}/{between}", Pose()
+            self._body(link_name, MassProperties(mass=0.0, centre=step.frame.translation), start @ connection.X_0)
+            self._joint(holder, step, connection, (parent, X_0), (f"{self.path}/{link_name}", Pose()))
+            parent, X_0 = f"{self.path}/{link_name}", Pose()
         self._joint(holder, last, connection, (parent, X_0), (f"{self.path}/{names[connection.child]}", connection.X_1))
 
-    def _joint(self, holder: Prim, joint: UsdJoint, connection: Connection, one: tuple[str, Pose], other: tuple[str, Pose]) -> None:
-        made = f"the joint that holds `{connection.path}`" if connection.parent is None and not connection.in_tree else None
+    def _joint(self, holder: Prim, joint: UsdJoint, connection: Connection, first: tuple[str, Pose], second: tuple[str, Pose]) -> None:
+        description = f"the joint that holds `{connection.path}`" if connection.parent is None and not connection.in_tree else None
         kind = "PhysicsJoint" if joint.type == "D6" else f"Physics{joint.type}Joint"
-        prim = holder.add(kind, self.joints.take(joint.path, connection.origin, made))
-        for number, (path, pose) in enumerate((one, other)):
+        prim = holder.add(kind, self.joints.take(joint.path, connection.origin, description))
+        for number, (path, pose) in enumerate((first, second)):
             frame = pose @ joint.frame
             prim.fill({
                 f"rel physics:body{number}": f"<{path}>", f"point3f physics:localPos{number}": several(frame.translation),
                 f"quatf physics:localRot{number}": several(frame.quaternion()),
             })
         if joint.type in ("Revolute", "Prismatic"):
-            prim.say("uniform token physics:axis", '"Z"')
+            prim.set("uniform token physics:axis", '"Z"')
         elif joint.type == "Spherical":
-            prim.say("uniform token physics:axis", '"X"')
+            prim.set("uniform token physics:axis", '"X"')
         if not connection.in_tree:
-            prim.say("bool physics:excludeFromArticulation", "1")
-        prim.say("string ros:joint:name", quote(prim.name))
+            prim.set("bool physics:excludeFromArticulation", "1")
+        prim.set("string ros:joint:name", quote(prim.name))
         follower = self.followers.get(joint.single.path) if joint.single is not None else None
         equip(prim, joint, self.robot, follower)
         dynamics(prim, joint, in_tree=connection.in_tree)
@@ -211,39 +212,39 @@ class _Builder:
 
     def _shapes(self, prim: Prim, link: Link) -> None:
         """Add the visual shapes and the collision shapes of a link. By default, viewers hide collision shapes."""
-        taken = {child.name for child in prim.children}
-        visuals, collisions = (Prim(type="Scope", name=free(word, taken)) for word in ("visuals", "collisions"))
+        used = {child.name for child in prim.children}
+        visuals, collisions = (Prim(type="Scope", name=unique_name(word, used)) for word in ("visuals", "collisions"))
         for member, pose in zip(link.members, link.poses, strict=True):
             shapes = self.geometry.shapes[member]
             for index, shape in enumerate(shapes.visual):
                 self._visual(visuals, name_with_index(safe(shapes.path), index), shape, pose)
             for index, shape in enumerate(shapes.collision):
                 self._collider(collisions, name_with_index(safe(shapes.path), index), shape, pose)
-        prim.children += [one for one in (visuals, collisions) if one.children]
+        prim.children += [scope for scope in (visuals, collisions) if scope.children]
 
     def _visual(self, holder: Prim, name: str, shape: Shape, pose: Pose) -> None:
         """Add a visual shape with its colour to the prim of a link. The shape is either an instance of a mesh, or a primitive."""
         kind = written_as(CAPABILITIES["shapes"][shape_cell(shape.kind)])
         if kind is None:
             return
-        prim = holder.add("Xform" if shape.kind == "mesh" else kind, free(name, {child.name for child in holder.children}))
+        prim = holder.add("Xform" if shape.kind == "mesh" else kind, unique_name(name, {child.name for child in holder.children}))
         if shape.kind == "mesh":
             prim.metadata += ["instanceable = true", f"prepend references = <{self.meshes[shape.mesh or '']}>"]
         prim.place(pose @ shape.pose, _set_size(prim, shape))
         material = material_name(shape.material, shape.color) or "color"
         prim.schemas.append("MaterialBindingAPI")
-        prim.say("rel material:binding", f"<{self.path}/{MATERIALS}/{self.materials[material]}>")
+        prim.set("rel material:binding", f"<{self.path}/{MATERIALS}/{self.materials[material]}>")
 
     def _collider(self, holder: Prim, name: str, shape: Shape, pose: Pose) -> None:
         kind = written_as(CAPABILITIES["shapes"][shape_cell(shape.kind)])
         if kind is None:
             return
-        prim = holder.add(kind, free(name, {child.name for child in holder.children}), "PhysicsCollisionAPI")
+        prim = holder.add(kind, unique_name(name, {child.name for child in holder.children}), "PhysicsCollisionAPI")
         if shape.kind == "mesh":
             prim.schemas.append("PhysicsMeshCollisionAPI")
             prim.metadata.append(f"prepend references = <{self.meshes[shape.mesh or '']}/{MESH}>")
-            prim.say("uniform token physics:approximation", '"convexHull"')
-        prim.say("uniform token purpose", '"guide"')
+            prim.set("uniform token physics:approximation", '"convexHull"')
+        prim.set("uniform token purpose", '"guide"')
         prim.place(pose @ shape.pose, _set_size(prim, shape))
         prim.schemas.append("MaterialBindingAPI")
         path = f"{self.path}/{MATERIALS}/{self.materials[_friction(shape.material)]}"
@@ -259,8 +260,8 @@ def moments_of(properties: MassProperties) -> tuple[Vector, Matrix]:
     if properties.mass <= 0.0 or physical_fault(properties.inertia) is not None:
         return (LEAST_INERTIA,) * 3, IDENTITY
     (a, b, c), axes = principal_axes(properties.inertia)
-    lift = maximum(0.0, maximum(a, b, c) * (2.0 + ROOM) - (a + b + c))
-    return (a + lift, b + lift, c + lift), axes
+    margin = maximum(0.0, maximum(a, b, c) * (2.0 + MOMENT_MARGIN) - (a + b + c))
+    return (a + margin, b + margin, c + margin), axes
 
 
 Friction = tuple[str, float, float | None, float | None]
@@ -272,25 +273,21 @@ def _friction(material: Material | None) -> Friction:
     The name of a material is not sufficient, because nested documents may use the same name for different materials.
     """
     if material is None or (material.slide, material.torsion, material.roll) == (None, None, None):
-        return "default", SLIDE, None, None
-    return material.name, SLIDE if material.slide is None else material.slide, material.torsion, material.roll
+        return "default", DEFAULT_SLIDE, None, None
+    return material.name, DEFAULT_SLIDE if material.slide is None else material.slide, material.torsion, material.roll
 
 
 def _set_size(prim: Prim, shape: Shape) -> tuple[float, ...]:
-    """Set the size of a primitive on its USD prim. Return the additional scale factors of the prim. If no scale factors are needed, the
-    result is empty.
-
-    If the shape is a mesh, no size is set.
-    """
+    """Set the size of a primitive on its USD prim, and return the scale factors that the prim needs in addition (empty if none)."""
     match shape.kind:
         case "mesh":
             return ()
         case "box":
-            prim.say("double size", 2.0)
+            prim.set("double size", 2.0)
             _extent(prim, (1.0, 1.0, 1.0))
             return shape.size
         case "ellipsoid":
-            prim.say("double radius", 1.0)
+            prim.set("double radius", 1.0)
             _extent(prim, (1.0, 1.0, 1.0))
             return shape.size
         case "plane":
@@ -299,33 +296,33 @@ def _set_size(prim: Prim, shape: Shape) -> tuple[float, ...]:
             _extent(prim, (half[0], half[1], 0.0))
         case "sphere" | "cylinder" | "capsule":
             radius, half_length = shape.size[0], shape.size[-1] if len(shape.size) > 1 else 0.0
-            prim.say("double radius", radius)
+            prim.set("double radius", radius)
             if shape.kind != "sphere":
                 prim.fill({"double height": 2.0 * half_length, "uniform token axis": '"Z"'})
-            up = half_length if shape.kind == "cylinder" else half_length + radius
-            _extent(prim, (radius, radius, up))
+            top = half_length if shape.kind == "cylinder" else half_length + radius
+            _extent(prim, (radius, radius, top))
     return ()
 
 
 def _extent(prim: Prim, half: tuple[float, float, float]) -> None:
     """Set the bounding box of a primitive that is centred at its origin. `half` contains half of each side length of the box."""
-    prim.say("float3[] extent", f"[{several(-value for value in half)}, {several(half)}]")
+    prim.set("float3[] extent", f"[{several(-value for value in half)}, {several(half)}]")
 
 
-def identifiers(words: Mapping[Key, str]) -> dict[Key, str]:
+def identifiers(texts: Mapping[Key, str]) -> dict[Key, str]:
     """Convert strings to unique and valid USD names, such as `arm.Hand` to `arm_Hand`. If two names would be equal, a number is
     appended.
     """
     names: dict[Key, str] = {}
-    for key, word in words.items():
-        plain = re.sub(r"\W", "_", word, flags=re.ASCII)
-        names[key] = free(f"_{plain}" if plain[:1].isdigit() else plain, set(names.values()))
+    for key, text in texts.items():
+        plain = re.sub(r"\W", "_", text, flags=re.ASCII)
+        names[key] = unique_name(f"_{plain}" if plain[:1].isdigit() else plain, set(names.values()))
     return names
 
 
-def free(word: str, taken: Collection[str]) -> str:
-    """Return a name that is not in the collection `taken`. The name is `word` itself, or `word` with a number appended."""
-    return next(name for k in range(len(taken) + 1) if (name := f"{word}_{k}" if k else word) not in taken)
+def unique_name(base: str, used: Collection[str]) -> str:
+    """Return a name that is not in `used`: the name `base` itself, or `base` with a number appended."""
+    return next(name for k in range(len(used) + 1) if (name := f"{base}_{k}" if k else base) not in used)
 
 
 def prototypes(geometry: Geometry, store: Store, scope: str, names: dict[str, str]) -> Prim:
@@ -366,6 +363,6 @@ def _mesh(prim: Prim, asset: MeshAsset, text: str, *, drawn: bool) -> None:
     })
     prim.properties.append(f"normal3f[] primvars:normals = {format_array(map(several, _normals(columns, corners)))} (")
     prim.properties += ['    interpolation = "uniform"', ")"]
-    prim.say("uniform token subdivisionScheme", '"none"')
+    prim.set("uniform token subdivisionScheme", '"none"')
     if drawn and not asset.mesh.closed:
-        prim.say("uniform bool doubleSided", "1")
+        prim.set("uniform bool doubleSided", "1")

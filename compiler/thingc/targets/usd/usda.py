@@ -44,30 +44,30 @@ class Prim:
         self.children.append(child)
         return child
 
-    def say(self, property: str, value: str | float) -> None:
+    def set(self, property: str, value: str | float) -> None:
         """Add a property to the prim, such as `float physics:mass`. The value is a number, or a string that is already USD text."""
         self.properties.append(f"{property} = {value if isinstance(value, str) else number(value)}")
 
     def fill(self, values: Mapping[str, str | float | None]) -> None:
-        """Add several properties, as `say` does. Values that are None are omitted."""
+        """Add several properties, as `set` does. Values that are None are omitted."""
         for property, value in values.items():
             if value is not None:
-                self.say(property, value)
+                self.set(property, value)
 
     def place(self, pose: Pose, scale: tuple[float, ...] = (), *, always: bool = False) -> None:
         """Set the pose of the prim relative to its parent, and its scale factors. An identity is omitted, unless `always` is True."""
         steps = []
         if always or any(pose.translation):
-            self.say("double3 xformOp:translate", several(pose.translation))
+            self.set("double3 xformOp:translate", several(pose.translation))
             steps.append("translate")
         if always or pose.rotation != IDENTITY:
-            self.say("quatd xformOp:orient", several(pose.quaternion()))
+            self.set("quatd xformOp:orient", several(pose.quaternion()))
             steps.append("orient")
         if scale:
-            self.say("double3 xformOp:scale", several(scale))
+            self.set("double3 xformOp:scale", several(scale))
             steps.append("scale")
         if steps:
-            self.say("uniform token[] xformOpOrder", format_array(quote(f"xformOp:{step}") for step in steps))
+            self.set("uniform token[] xformOpOrder", format_array(quote(f"xformOp:{step}") for step in steps))
 
 
 def quote(text: str) -> str:

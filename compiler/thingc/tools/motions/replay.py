@@ -24,7 +24,7 @@ from thingc.model.robot.types import Robot
 from thingc.targets.mjcf import emit as mjcf
 from thingc.targets.mjcf.compat import separator
 from thingc.targets.mjcf.drives import start_delays
-from thingc.targets.mjcf.verify import heard
+from thingc.targets.mjcf.verify import collect_warnings
 from thingc.targets.request import EmitRequest
 
 Array = NDArray[np.float64]
@@ -116,7 +116,7 @@ class Replay:
         states = np.array([data.qpos[self.places], np.zeros(len(self.places))])
         while data.time < self.times[-1] - self.times[0] - 0.5 * self.model.opt.timestep:
             data.ctrl[:] = self.at(self.commands, data.time + self.model.opt.timestep)
-            with heard():
+            with collect_warnings():
                 mujoco.mj_step(self.model, data)
             place, states_before = data.qpos[self.places], states
             states = np.array([place, place - self.at(self.positions, data.time)[self.places]])

@@ -114,7 +114,7 @@ class Pictures:
         new = [first + k for k, color in enumerate(colors) if color == NEW]
         camera = cameras[_clearest(model, [camera.position for camera in cameras], new)]
         middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
-        image = studio.photograph(model, pose_model(model, None), camera, size, middle, 0.75 * length, studio.COARSE)
+        image = studio.render(model, pose_model(model, None), camera, size, middle, 0.75 * length, studio.COARSE)
         return f"data:image/png;base64,{b64encode(encode_png(image)).decode()}"
 
     def _geoms(self, shown: _Shown, assets: dict[str, bytes]) -> Iterable[str]:
