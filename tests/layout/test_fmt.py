@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Report
 from thingc.documents.format import toml_layout
-from thingc.documents.format.flow_style import FIRST, canonical_order
+from thingc.documents.format.flow_style import LEADING_KEYS, canonical_order
 from thingc.documents.format.formatting import format_document
 from thingc.documents.spec.annotation_types import model_keys
 from thingc.tools.cli.main import main
@@ -145,7 +145,7 @@ def test_unusual_yaml_is_not_changed(text: str) -> None:
 
 
 def test_key_order_uses_only_keys_of_the_models() -> None:
-    for model, keys in FIRST.items():
+    for model, keys in LEADING_KEYS.items():
         assert set(keys) <= set(model_keys(model)), model
 
 

@@ -107,8 +107,8 @@ def test_every_name_of_the_walker_can_be_renamed_and_back(walker: WorkspaceIndex
     for path in after.documents:
         (new / Path(path).name).write_text(after.read(path) or "")
     changes = [one for one in compare(drawn(old, shared_store), drawn(new, shared_store)).changes if one.change != "renamed"]
-    before = Counter(plain((one.kind, one.path, one.field, one.old)) for one in changes if one.old is not None)
-    assert before == Counter(plain((one.kind, one.new_path or one.path, one.field, one.new)) for one in changes if one.new is not None)
+    before = Counter(plain((one.what, one.path, one.field, one.old)) for one in changes if one.old is not None)
+    assert before == Counter(plain((one.what, one.new_path or one.path, one.field, one.new)) for one in changes if one.new is not None)
     assert not [one for one in changes if one.old is None and one.new is None]
     assert len(plan(str(new / "study.yaml")).axes) == len(plan(str(old / "study.yaml")).axes) == 3
     again, refused = exchanged(after, "x_", "")

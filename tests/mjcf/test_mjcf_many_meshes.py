@@ -78,7 +78,7 @@ def test_diagnostics_ignore_the_mesh_count(heap: Path, capsys: pytest.CaptureFix
     assert len(at_once.given) == 1 and at_once.code == 0
     said = "warning[TC611]: at the start of mode `bench`, the collision shapes of `base` and `hand` overlap by 10.2 mm"
     assert said in at_once.text
-    monkeypatch.setattr(verify, "MANY", 0)
+    monkeypatch.setattr(verify, "MAX_MESH_BYTES", 0)
     apart = Said(heap, capsys, monkeypatch)
     assert apart.text == at_once.text and apart.code == 0
     *each, boxes, hulls = apart.given
@@ -89,7 +89,7 @@ def test_diagnostics_ignore_the_mesh_count(heap: Path, capsys: pytest.CaptureFix
 def test_distant_parts_are_checked_with_boxes(heap: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """Parts that are far apart are checked with bounding boxes, without their hulls."""
     heap.write_text(DOCUMENT.replace("wrist: {xyz: 10 -5 5 mm}", "wrist: {xyz: 10 200 5 mm}"))
-    monkeypatch.setattr(verify, "MANY", 0)
+    monkeypatch.setattr(verify, "MAX_MESH_BYTES", 0)
     apart = Said(heap, capsys, monkeypatch)
     assert apart.code == 0 and "TC611" not in apart.text and max(apart.given[-1]) < 700
 
@@ -98,7 +98,7 @@ def test_errors_do_not_depend_on_the_mesh_count(heap: Path, capsys: pytest.Captu
     heap.write_text(DOCUMENT + "raw: {mjcf: {joint: {turn: {solimplimit: 1 2 3 4 5 6 7}}}}\n")
     at_once = Said(heap, capsys, monkeypatch)
     assert at_once.code == 1 and "error[TC702]" in at_once.text and len(at_once.given) == 1
-    monkeypatch.setattr(verify, "MANY", 0)
+    monkeypatch.setattr(verify, "MAX_MESH_BYTES", 0)
     apart = Said(heap, capsys, monkeypatch)
     assert apart.text == at_once.text
     assert {*apart.given[-1][1:]} == {*at_once.given[0]}, "what touches is read as it is, once more"

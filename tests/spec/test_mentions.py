@@ -35,7 +35,7 @@ def text_fields(shape: FieldType, key: str) -> Iterator[tuple[str, FieldType]]:
             yield from text_fields(shape_of(one.members[0]), key)
         elif one.kind == "list":
             yield from text_fields(shape_of(one.members[0]), key)
-        elif one.kind == "text" or (one.field is not None and one.field.words in WORDS):
+        elif one.kind == "text" or (one.field is not None and one.field.description in WORDS):
             yield key, one
 
 

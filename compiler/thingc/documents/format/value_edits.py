@@ -38,7 +38,7 @@ def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
     set_value = _set_in_toml if _is_toml(document.path) else _set_in_yaml
     for keys, value in values.items():
         changed = _parse_document(document, set_value(document, keys, value))
-        if changed is None or changed.tree.plain() != _set_item(document.tree.plain(), keys, _parsed(value)):
+        if changed is None or changed.tree.plain() != _set_item(document.tree.plain(), keys, _to_plain(value)):
             reason = "cannot be set separately: an alias repeats the value, or thingc cannot edit this YAML syntax"
             raise CannotSetValue(document, keys, reason)
         document = changed
@@ -60,11 +60,11 @@ def _is_toml(path: str) -> bool:
     return path.lower().endswith(".toml")
 
 
-def _parsed(value: Written) -> Plain:
+def _to_plain(value: Written) -> Plain:
     """Parse a value such as `{upper: 60 deg}` to plain Python values."""
     if isinstance(value, str):
         return core_value(value)
-    return {key: _parsed(item) for key, item in value.items()} if isinstance(value, Mapping) else [_parsed(item) for item in value]
+    return {key: _to_plain(item) for key, item in value.items()} if isinstance(value, Mapping) else [_to_plain(item) for item in value]
 
 
 def _parse_document(document: Document, text: str) -> Document | None:

@@ -29,7 +29,7 @@ from thingc.model.assembly.types import Surface
 from thingc.model.robot.types import Body, Robot
 from thingc.targets.artifact import Artifacts, Loss
 from thingc.targets.capabilities import COMPANION, FULL, Capabilities, Lossy, Omitted, Supported, all_of, losses
-from thingc.targets.geometry import ENDLESS, channels, linear, material_name, name_with_index
+from thingc.targets.geometry import INFINITE_HALF, channels, linear, material_name, name_with_index
 from thingc.targets.request import EmitRequest
 
 Y_UP = Pose(rotation=((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
@@ -181,7 +181,7 @@ def _tessellate(primitive: Primitive) -> Any:
             capsule: Any = trimesh.creation.capsule(radius=size[0], height=2.0 * size[1], count=list(ROUND))
             return capsule
         case "plane":
-            x, y = (half or ENDLESS for half in size[:2])
+            x, y = (half or INFINITE_HALF for half in size[:2])
             corners = [(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)]
             return trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3)], process=False)
 

@@ -85,7 +85,7 @@ def models(request: EmitRequest) -> Models:
     if request.verify:
         starts = not request.repeated
         due = verify.select_models(every, request.verify, request.memo)
-        waiting = verify.unverified(due, geometry.meshes, request.store, request.memo, starts=starts)
+        waiting = verify.find_unverified(due, geometry.meshes, request.store, request.memo, starts=starts)
         verify.check(waiting, geometry, request.store, report, request.memo, starts=starts)
         if not report.diagnostics:
             verify.record_accepted(due, request.verify, request.memo)

@@ -23,7 +23,7 @@ from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.artifact import Loss
 from thingc.targets.capabilities import drive_cell, written_as
 from thingc.targets.connections import Connection, connections
-from thingc.targets.geometry import ENDLESS, Geometry, Shape, channels, shape_names
+from thingc.targets.geometry import INFINITE_HALF, Geometry, Shape, channels, shape_names
 from thingc.targets.name_mangling import LINK, MangledNames, frames
 from thingc.targets.sdf.capabilities import CAPABILITIES, DriveForm
 from thingc.targets.sdf.chain import SdfAxis, SdfJoint, ZeroState, chain
@@ -236,7 +236,7 @@ def _shape(element: Element, shape: Shape, at: Pose) -> None:
         case "ellipsoid":
             geometry.add_text("radii", shape.size)
         case "plane":
-            geometry.fill({"normal": "0 0 1", "size": tuple(2.0 * (half or ENDLESS) for half in shape.size[:2])})
+            geometry.fill({"normal": "0 0 1", "size": tuple(2.0 * (half or INFINITE_HALF) for half in shape.size[:2])})
         case _:
             geometry.fill({"radius": shape.size[0], "length": 2.0 * shape.size[1]})
 

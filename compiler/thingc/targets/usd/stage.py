@@ -31,7 +31,7 @@ from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.types import Robot
 from thingc.targets.capabilities import shape_cell, written_as
 from thingc.targets.connections import Connection, connections
-from thingc.targets.geometry import ENDLESS, Geometry, MeshAsset, Shape, channels, linear, material_name, materials, name_with_index
+from thingc.targets.geometry import INFINITE_HALF, Geometry, MeshAsset, Shape, channels, linear, material_name, materials, name_with_index
 from thingc.targets.name_mangling import LINK, MangledNames, frames, safe
 from thingc.targets.usd.capabilities import CAPABILITIES
 from thingc.targets.usd.chain import UsdJoint, chain, followers
@@ -291,7 +291,7 @@ def _set_size(prim: Prim, shape: Shape) -> tuple[float, ...]:
             _extent(prim, (1.0, 1.0, 1.0))
             return shape.size
         case "plane":
-            half = [size or ENDLESS for size in shape.size[:2]]
+            half = [size or INFINITE_HALF for size in shape.size[:2]]
             prim.fill({"double width": 2.0 * half[0], "double length": 2.0 * half[1], "uniform token axis": '"Z"'})
             _extent(prim, (half[0], half[1], 0.0))
         case "sphere" | "cylinder" | "capsule":
