@@ -170,7 +170,7 @@ def compile(
     consumers = None if compat is None else pipeline.chosen_consumers(compat)
     texts = [{name: value for name, value in (mapping or {}).items() if isinstance(value, str)} for mapping in (parameters, choices)]
     options = Options(parameters=texts[0], choices=texts[1], store=store, jobs=jobs, printed=printed, compat=consumers)
-    return with_environment(document, options, partial(_compile, others=values, modes=modes, strict=strict))
+    return with_environment(document, options, partial(_compile, values=values, modes=modes, strict=strict))
 
 
 def _compile(environment: Environment, values: Mapping[str, float], modes: Sequence[str], strict: bool) -> Compiled:

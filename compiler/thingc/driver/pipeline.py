@@ -419,7 +419,7 @@ def report_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None
     settings, documents = compilation.settings, compilation.documents
     if compilation.assembly is None or documents is None or compilation.report.failed or settings.parameters or settings.choices:
         return
-    compilation.report.report_unneeded(documents.root.path, stages)
+    compilation.report.say_unneeded(documents.root.path, stages)
 
 
 def _assembly(compilation: Compilation) -> Assembly:

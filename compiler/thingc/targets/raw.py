@@ -63,7 +63,7 @@ def _apply(attribute: RawAttribute, files: Sequence[Element]) -> Fault | None:
                 names = ", ".join(f"`{name}`" for name in inside.attributes) or "the new value"
                 return f"`{inside.tag}` is an element, not an attribute", f"use one of its attributes: {names}", len(attribute.path) - 1
             if attribute.target == "urdf":
-                element.lay(attribute.path[-1], attribute)
+                element.set_raw(attribute.path[-1], attribute)
             elif element.children:
                 tags = ", ".join(dict.fromkeys(f"`{child.tag}`" for child in element.children))
                 return f"`{element.tag}` contains other elements, not a value", f"use one of {tags}", len(attribute.path) - 1

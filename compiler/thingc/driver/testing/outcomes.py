@@ -113,7 +113,7 @@ class TestCase(FrozenStruct):
         return sorted({index for reference in references for index in self.linked.components[reference]})
 
 
-Specification = TypeVar("Stated", bound=OneLineRepr)
+Specification = TypeVar("Specification", bound=OneLineRepr)
 
 
 class TestMeasurement(FrozenStruct, Generic[Specification]):

@@ -67,7 +67,7 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
             else:
                 if element.tag == "freejoint" and attribute.path[-1] not in ("align", "group"):  # a freejoint has no other attributes
                     element.tag, element.attributes = "joint", {**element.attributes, "type": "free"}
-                element.lay(attribute.path[-1], attribute)
+                element.set_raw(attribute.path[-1], attribute)
         if not elements and robots and not _may_be_in_other_mode(attribute, assembly):
             _report_unknown(attribute, robots, models, report)
     for model in models if ranks else ():

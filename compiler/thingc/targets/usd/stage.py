@@ -119,7 +119,7 @@ class _Builder:
                 prim.set("rel physics:filteredPairs", f"[{', '.join(f'<{self.path}/{other}>' for other in filtered)}]")
             site_names = MangledNames("have the name", f"USD, below `{name}`,", self.report)
             for site in sites.get(index, ()):
-                if site_names.unique_name(site.path, site.origin):
+                if site_names.free(site.path, site.origin):
                     prim.add("Xform", safe(site.path)).place(site.pose)
             self._shapes(prim, links[index])
         holder = Prim(type="Scope", name=JOINTS)

@@ -58,7 +58,7 @@ def ros2_control_block(calibration: Joints, robot: Robot) -> str:
         one = motors.get(names.get(element.get("name"), ""))
         if element.tag == "joint" and one is not None:
             for name, value in (("id", one.id), ("offset", one.offset), ("sign", one.sign), ("ticks_per_unit", one.ticks)):
-                element.say("param", value, {"name": name})
+                element.add_text("param", value, {"name": name})
     return write(block, "Parameters of motors: ticks = offset + sign * q * ticks_per_unit [1/rad or 1/m]").text
 
 
