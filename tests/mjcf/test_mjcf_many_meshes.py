@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from thingc.targets.mjcf import verify
-from thingc.targets.mjcf.accepted_models import about_meshes
+from thingc.targets.mjcf.accepted_models import changes_meshes
 from thingc.targets.xml_writer import Element
 from thingc.tools.cli.main import main
 
@@ -125,4 +125,4 @@ def test_initial_state_check_is_repeatable(heap: Path, capsys: pytest.CaptureFix
 ])
 def test_raw_attributes_that_affect_meshes_are_recognized(tag: str, key: str, about: bool) -> None:
     changed = Element(tag=tag, raw={key: None})  # type: ignore[dict-item]
-    assert about_meshes(Element(tag="mujoco", children=[Element(tag="worldbody", children=[changed])])) == about
+    assert changes_meshes(Element(tag="mujoco", children=[Element(tag="worldbody", children=[changed])])) == about

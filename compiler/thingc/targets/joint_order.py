@@ -107,14 +107,14 @@ def _key(joint: JointEdge) -> str:
 
 def _indices(source: Order, order: Order) -> list[int | None]:
     """For each entry of `order`, return the index of the same coordinate in `source`, or None."""
-    place = {key: index for index, (_, key) in enumerate(source) if key is not None}
-    return [None if key is None else place.get(key) for _, key in order]
+    index_of = {key: index for index, (_, key) in enumerate(source) if key is not None}
+    return [None if key is None else index_of.get(key) for _, key in order]
 
 
 def _mujoco(robot: Robot, joints: Sequence[Element], separator: str) -> Iterator[tuple[str, str | None]]:
     """Yield the joints of a MuJoCo model. The slide of a screw and a ball joint do not have the value of a coordinate."""
     moving = [*robot.moves, *(joint for body in robot.bodies for joint in body.joints)]
-    keys = {one.name.replace("/", separator): _key(joint) for joint in moving for one in mujoco_joints(joint)[:1]}
+    keys = {mujoco_joint.name.replace("/", separator): _key(joint) for joint in moving for mujoco_joint in mujoco_joints(joint)[:1]}
     for element in joints:
         yield element.get("name"), keys.get(element.get("name"))
 
@@ -128,17 +128,17 @@ def _isaac(robot: Robot) -> list[tuple[str, str | None]] | None:
     children: dict[int | str, list[tuple[UsdJoint, int | str]]] = {}
     for connection in connections(robot, CAPABILITIES["loops"], closed=False):
         if connection.parent is not None:
-            *before, last = chain(connection)
+            *intermediate, last = chain(connection)
             parent: int | str = connection.parent
-            for step in before:
+            for step in intermediate:
                 children.setdefault(parent, []).append((step, step.path))
                 parent = step.path
             children.setdefault(parent, []).append((last, connection.child))
     order: list[tuple[str, str | None]] = []
-    waiting: list[int | str] = [0]
-    for link in waiting:
+    links: list[int | str] = [0]
+    for link in links:
         for joint, child in children.get(link, ()):
-            waiting.append(child)
+            links.append(child)
             if joint.type == "Fixed":
                 continue
             name = _usd_name(joint)
@@ -162,8 +162,8 @@ def _usd_name(joint: UsdJoint) -> str:
 def _urdf(robot: Robot) -> list[tuple[str, str | None]]:
     """Return the movable joints of a URDF file. The slide of a screw and the rotations of a ball do not have the value of a coordinate."""
     moving = sorted(urdf_joints(robot), key=lambda joint: joint.follows)
-    exact = [one.move.thread is None and not one.move.joint.kind.at_once for one in moving]
-    return [(one.name, _key(one.move.joint) if same else None) for one, same in zip(moving, exact, strict=True)]
+    exact = [urdf_joint.move.thread is None and not urdf_joint.move.joint.kind.at_once for urdf_joint in moving]
+    return [(joint.name, _key(joint.move.joint) if is_exact else None) for joint, is_exact in zip(moving, exact, strict=True)]
 
 
 def _actuators(root: Element, joints: Sequence[Element], orders: Mapping[str, Order], commands: Sequence[Controller]) -> dict[str, object]:
@@ -173,14 +173,17 @@ def _actuators(root: Element, joints: Sequence[Element], orders: Mapping[str, Or
     each command of a controller, `ctrl` contains the index of the actuator.
     """
     actuators = root.find_or_empty("actuator").children
-    place = {element.get("name"): index for index, element in enumerate(joints) if element.get("type") != "ball"}
-    moved = [place.get(element.get("joint")) if "joint" in element.attributes else None for element in actuators]
+    index_of = {element.get("name"): index for index, element in enumerate(joints) if element.get("type") != "ball"}
+    moved_joints = [index_of.get(element.get("joint")) if "joint" in element.attributes else None for element in actuators]
     joint_of = dict(zip((name for name, _ in orders["urdf"]), _indices(orders["mujoco"], orders["urdf"]), strict=True))
-    first: dict[int | None, int] = {joint: index for index, joint in reversed([*enumerate(moved)]) if joint is not None}
+    first: dict[int | None, int] = {joint: index for index, joint in reversed([*enumerate(moved_joints)]) if joint is not None}
     return {
         "mujoco": [element.get("name") for element in actuators],
-        "joints": moved,
-        "ros": {one.name: {"joints": list(one.drives), "ctrl": [first.get(joint_of.get(name)) for name in one.drives]} for one in commands},
+        "joints": moved_joints,
+        "ros": {
+            controller.name: {"joints": list(controller.drives), "ctrl": [first.get(joint_of.get(name)) for name in controller.drives]}
+            for controller in commands
+        },
     }
 
 

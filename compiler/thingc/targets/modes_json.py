@@ -48,12 +48,12 @@ def emit(request: EmitRequest) -> Artifacts:
 
     The file contains the addresses of joint values in the MJCF models.
     """
-    between = separator(request.compat)
-    described = {robot.mode.name: describe(robot, request.memo, between) for robot in request.robots}
+    path_separator = separator(request.compat)
+    described = {robot.mode.name: describe(robot, request.memo, path_separator) for robot in request.robots}
     return Artifacts(files={"modes.json": json_writer.encode(described)})
 
 
-def alone(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
+def emit_alone(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
     """Write `modes.json` for a build without MJCF models. The file is returned as an artifact of the first target."""
     return {targets[0]: emit(apply_custom_names(request))}
 
@@ -96,10 +96,10 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
     memo = memo or Memo()
     order = [joint.path for body in robot.bodies if body.parent is not None for joint in body.joints]
     order += [joint.path for closure in robot.closures for joint in closure.joints]
-    stands = ((frame.name, frame.base) for frame in robot.keyframes)
-    moved = {one.path: one.moves for one in tendons.present(robot) if one.moves}
-    heavy = {one.path: one.dynamics.armature for one in tendons.present(robot) if one.moves and one.dynamics.armature}
-    bases = {name: base.rows() for name, base in stands if base is not None and base != robot.bodies[0].X_PL}
+    bases_by_pose = ((frame.name, frame.base) for frame in robot.keyframes)
+    moves = {tendon.path: tendon.moves for tendon in tendons.present(robot) if tendon.moves}
+    armatures = {tendon.path: tendon.dynamics.armature for tendon in tendons.present(robot) if tendon.moves and tendon.dynamics.armature}
+    bases = {name: base.rows() for name, base in bases_by_pose if base is not None and base != robot.bodies[0].X_PL}
     return {
         "version": VERSION,
         "root": robot.mode.root.path,
@@ -109,8 +109,8 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
         **({"X_world_at": robot.mode.at.rows()} if robot.moves else {}),
         "links": _links(robot, names, memo),
         "joints": _joints(robot, names, memo, separator),
-        **({"tendons": moved} if moved else {}),
-        **({"tendon_armature": heavy} if heavy else {}),
+        **({"tendons": moves} if moves else {}),
+        **({"tendon_armature": armatures} if armatures else {}),
         "holds": {closure.path: _hold(closure, names, separator) for closure in robot.closures if closure.hold},
         "poses": {frame.name: {name: frame.q[name] for name in order} for frame in robot.keyframes},
         **({"bases": bases} if bases else {}),
@@ -133,23 +133,23 @@ def _links(robot: Robot, names: Sequence[str], memo: Memo) -> list[JsonFragment]
     at_zero: list[Pose] = []
     for name, body in zip(names, robot.bodies, strict=True):
         at_zero.append(NO_POSE if body.parent is None else at_zero[body.parent] @ body.X_PL)
-        own = robot.assembly.links[body.link].properties
+        properties = robot.assembly.links[body.link].properties
         fixed_to = None if body.parent is None or body.joints else names[body.parent]
-        links.append(memo(("modes.json", robot.mode.name, "link", name), _link, name, at_zero[-1], own, fixed_to))
+        links.append(memo(("modes.json", robot.mode.name, "link", name), _link, name, at_zero[-1], properties, fixed_to))
     return links
 
 
 def _joints(robot: Robot, names: Sequence[str], memo: Memo, separator: str) -> list[JsonFragment]:
     """Return the JSON objects of the joints of a mode, in the order of the MJCF model. `names` contains the names of the bodies."""
     joints: list[JsonFragment] = []
-    placed = in_link(robot.assembly)
+    poses_in_link = in_link(robot.assembly)
     qpos, dof = FREE if robot.base == "free" else sizes(robot.moves)
     for name, body in zip(names, robot.bodies, strict=True):
         if not body.joints or body.parent is None:
             continue
         mate = robot.assembly.mates[body.joints[0].mate]
         joints.append(memo(
-            ("modes.json", robot.mode.name, "joint", mate.name), _joint_json, mate, (placed[mate.parent], placed[mate.child]),
+            ("modes.json", robot.mode.name, "joint", mate.name), _joint_json, mate, (poses_in_link[mate.parent], poses_in_link[mate.child]),
             (names[body.parent], name), body.joints, (qpos, dof), separator,
         ))
         count, speeds = sizes(body.joints)
@@ -157,14 +157,14 @@ def _joints(robot: Robot, names: Sequence[str], memo: Memo, separator: str) -> l
     return joints
 
 
-def _link(name: str, pose: Pose, own: MassProperties, fixed_to: str | None) -> JsonFragment:
+def _link(name: str, pose: Pose, properties: MassProperties, fixed_to: str | None) -> JsonFragment:
     fixed = {} if fixed_to is None else {"fixed_to": fixed_to}
-    mass = {"mass": own.mass, "centre": own.centre, "inertia": own.inertia}
+    mass = {"mass": properties.mass, "centre": properties.centre, "inertia": properties.inertia}
     return fragment({"name": name, "X_root_link": pose.rows(), **fixed, **mass}, LISTED)
 
 
 def _joint_json(
-    mate: Mate, parts: tuple[Pose, Pose], links: tuple[str, str], crossed: tuple[TreeJoint, ...], addresses: tuple[int, int],
+    mate: Mate, parts: tuple[Pose, Pose], links: tuple[str, str], joints: tuple[TreeJoint, ...], addresses: tuple[int, int],
     separator: str,
 ) -> JsonFragment:
     """Return the JSON object of a joint of the tree.
@@ -174,12 +174,12 @@ def _joint_json(
     """
     (parent_part, child_part), (parent, child), (qpos, dof) = parts, links, addresses
     in_model: dict[str, tuple[dict[str, float], list[int], list[int]]] = {}
-    for joint in crossed:
+    for joint in joints:
         if joint.kind.at_once:
-            whole, (count, speeds) = (mate.name or joint.path).replace("/", separator), sizes(crossed)
-            in_model[joint.path] = {whole: 1.0}, list(range(qpos, qpos + count)), list(range(dof, dof + speeds))
+            name, (count, speeds) = (mate.name or joint.path).replace("/", separator), sizes(joints)
+            in_model[joint.path] = {name: 1.0}, list(range(qpos, qpos + count)), list(range(dof, dof + speeds))
             continue
-        names = {one.name.replace("/", separator): one.ratio for one in mujoco_joints(joint)}
+        names = {mujoco_joint.name.replace("/", separator): mujoco_joint.ratio for mujoco_joint in mujoco_joints(joint)}
         in_model[joint.path] = names, list(range(qpos, qpos + len(names))), list(range(dof, dof + len(names)))
         qpos, dof = qpos + len(names), dof + len(names)
     return fragment({
@@ -187,7 +187,7 @@ def _joint_json(
         "kind": mate.joints[0].kind.name,
         "parent": parent,
         "child": child,
-        "reversed": crossed[0].reversed,
+        "reversed": joints[0].reversed,
         "X_PJ": (parent_part @ mate.X_PJ).rows(),
         "X_CJ": (child_part @ mate.X_JC.inverse()).rows(),
         "coordinates": [

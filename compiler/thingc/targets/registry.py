@@ -66,17 +66,18 @@ def written_pattern() -> re.Pattern[str]:
         if name not in TARGETS:
             with contextlib.suppress(ImportError):
                 patterns += _declared_patterns(name)
-    return _fitting(patterns)
+    return _compile_patterns(patterns)
 
 
 def _undeclared_paths(target: str, paths: Iterable[str]) -> list[str]:
-    """Return the paths that do not match the patterns in `WRITES` of an installed target. The next build would not recognise files with
-    these paths.
+    """Return the paths that do not match the patterns in `WRITES` of a target from an installed package.
+
+    The next build would not recognise files with these paths.
     """
     if target in TARGETS:
         return []
-    own = _fitting(_declared_patterns(target))
-    return sorted(path for path in paths if own.fullmatch(path) is None)
+    declared = _compile_patterns(_declared_patterns(target))
+    return sorted(path for path in paths if declared.fullmatch(path) is None)
 
 
 def module_of(target: str) -> str:
@@ -89,11 +90,11 @@ def _declared_patterns(target: str) -> tuple[str, ...]:
 
     Raises `ImportError` if the package cannot be imported.
     """
-    stated = getattr(import_module(module_of(target)), "WRITES", ())
-    return (stated,) if isinstance(stated, str) else tuple(stated)
+    patterns = getattr(import_module(module_of(target)), "WRITES", ())
+    return (patterns,) if isinstance(patterns, str) else tuple(patterns)
 
 
-def _fitting(patterns: Iterable[str]) -> re.Pattern[str]:
+def _compile_patterns(patterns: Iterable[str]) -> re.Pattern[str]:
     return re.compile("|".join(re.escape(pattern).replace(r"\*", "[^/]+") for pattern in patterns))
 
 
@@ -102,26 +103,24 @@ def targets() -> tuple[str, ...]:
     return (*TARGETS, *sorted(name for name in _find_installed() if name not in TARGETS))
 
 
-def unknown(words: Sequence[str]) -> tuple[tuple[int, str, Hint], ...]:
-    """Return an error message and a hint for each argument that names an unknown target. Each item also contains the index of the
-    argument.
-    """
-    known = [*targets(), ALL]
-    wrong = [(index, word) for index, text in enumerate(words) for word in text.split(",") if word not in ("", *known)]
-    return tuple((index, f"there is no target `{abbreviate(word)}`", did_you_mean(word, known, what="targets")) for index, word in wrong)
+def unknown(arguments: Sequence[str]) -> tuple[tuple[int, str, Hint], ...]:
+    """Return an error for each unknown target in the arguments: the index of the argument, the message, and a hint."""
+    names = [*targets(), ALL]
+    wrong = [(index, name) for index, text in enumerate(arguments) for name in text.split(",") if name not in ("", *names)]
+    return tuple((index, f"there is no target `{abbreviate(name)}`", did_you_mean(name, names, what="targets")) for index, name in wrong)
 
 
-def parse_targets(words: Sequence[str]) -> tuple[str, ...]:
+def parse_targets(arguments: Sequence[str]) -> tuple[str, ...]:
     """Parse the target names in arguments such as `mjcf`, `mjcf,urdf` and `all`.
 
     Return the targets in the order in which a build writes them. If there are no arguments, return the default targets. A target of an
     installed package can require other targets, to whose files it refers, with `REQUIRES = {"NAME": ("usd",)}` in its module.
     """
-    wanted = {word for text in words for word in text.split(",")}
-    for name in wanted & {*_find_installed()} - {*TARGETS}:
+    requested = {word for text in arguments for word in text.split(",")}
+    for name in requested & {*_find_installed()} - {*TARGETS}:
         with contextlib.suppress(ImportError):
-            wanted.update(getattr(import_module(module_of(name)), "REQUIRES", {}).get(name, ()))
-    return tuple(target for target in targets() if (wanted & {target, ALL} if words else _is_default(target)))
+            requested.update(getattr(import_module(module_of(name)), "REQUIRES", {}).get(name, ()))
+    return tuple(target for target in targets() if (requested & {target, ALL} if arguments else _is_default(target)))
 
 
 def _is_default(target: str) -> bool:
@@ -134,10 +133,10 @@ def _is_default(target: str) -> bool:
         return True
 
 
-def modules_of(wanted: Collection[str]) -> tuple[str, ...]:
+def modules_of(requested: Collection[str]) -> tuple[str, ...]:
     """Return the names of the modules that thingc's own targets need, including libraries, so that these modules can be imported early."""
-    ours = [TARGETS[target].emitter.partition(":")[0] for target in wanted if target in TARGETS]
-    return (*ours, *dict.fromkeys(library for target in wanted if target in TARGETS for library in TARGETS[target].libraries))
+    emitters = [TARGETS[target].emitter.partition(":")[0] for target in requested if target in TARGETS]
+    return (*emitters, *dict.fromkeys(library for target in requested if target in TARGETS for library in TARGETS[target].libraries))
 
 
 def run_emitters(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
@@ -148,24 +147,24 @@ def run_emitters(request: EmitRequest, targets: Sequence[str]) -> dict[str, Arti
     from thingc.targets.custom_names import apply_custom_names
 
     artifacts: dict[str, Artifacts] = {}
-    told: dict[Loss, None] = {}
+    reported: dict[Loss, None] = {}
     for target in targets:
-        given = request.in_target(target)
-        made = emitter(target)(apply_custom_names(given) if target not in TARGETS or TARGETS[target].by_name else given)
-        if astray := _undeclared_paths(target, made.files):
+        target_request = request.in_target(target)
+        result = emitter(target)(apply_custom_names(target_request) if target not in TARGETS or TARGETS[target].by_name else target_request)
+        if undeclared := _undeclared_paths(target, result.files):
             request.report.add(
-                Code.UNSTATED, f"the target `{target}` writes `{astray[0]}`, but `{module_of(target)}.WRITES` does not list it", None,
+                Code.UNSTATED, f"the target `{target}` writes `{undeclared[0]}`, but `{module_of(target)}.WRITES` does not list it", None,
                 path=target,
-                help=f'ask the author of the package to list all files of the target: `WRITES = ("{astray[0]}",)`',
+                help=f'ask the author of the package to list all files of the target: `WRITES = ("{undeclared[0]}",)`',
             )
-        artifacts[target] = replace(made, losses=tuple(loss for loss in made.losses if loss not in told))
-        told |= dict.fromkeys(made.losses)
+        artifacts[target] = replace(result, losses=tuple(loss for loss in result.losses if loss not in reported))
+        reported |= dict.fromkeys(result.losses)
     first = next((target for target in targets if target in MODELS), None)
     if first is not None:
         from thingc.targets import joint_order
 
-        made = artifacts[first]
-        artifacts[first] = replace(made, files={**made.files, JOINT_ORDER: joint_order.emit(request)})
+        result = artifacts[first]
+        artifacts[first] = replace(result, files={**result.files, JOINT_ORDER: joint_order.emit(request)})
     return artifacts
 
 

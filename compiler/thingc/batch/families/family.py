@@ -32,7 +32,7 @@ from thingc.driver.environment import Options
 from thingc.driver.pipeline import UnknownChoice, chosen_consumers
 from thingc.driver.session import Session
 from thingc.driver.settings import ParsedSettings, SettingsReader
-from thingc.targets.modes_json import alone
+from thingc.targets.modes_json import emit_alone
 
 if TYPE_CHECKING:
     import mujoco

@@ -107,19 +107,20 @@ def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...
     that are already in use are skipped.
     """
     rows: dict[tuple[object, ...], list[list[_Piece]]] = {}
-    for _, together in groupby(filter(is_listed, assembly.occurrences), lambda one: one.index if one.unit is None else one.unit.path):
-        piece = _Piece(tuple(together))
-        alike = rows.setdefault(piece.key, [])
-        group = next((group for group in alike if group[0].mass == piece.mass), None)
+    listed = filter(is_listed, assembly.occurrences)
+    for _, members in groupby(listed, lambda member: member.index if member.unit is None else member.unit.path):
+        piece = _Piece(tuple(members))
+        groups_of_key = rows.setdefault(piece.key, [])
+        group = next((group for group in groups_of_key if group[0].mass == piece.mass), None)
         if group is None:
-            alike.append([piece])
+            groups_of_key.append([piece])
         else:
             group.append(piece)
-    ordered = (group for alike in rows.values() for group in alike)
+    ordered = (group for groups_of_key in rows.values() for group in groups_of_key)
     groups = sorted(ordered, key=lambda group: (_ORDER.get(group[0].make, len(_ORDER)), group[0].first.index))
     numbers = _numbers([group[0].bom.number for group in groups])
     return tuple(
-        (_row(number, group[0], len(group)), tuple(one for piece in group for one in piece.occurrences))
+        (_row(number, group[0], len(group)), tuple(member for piece in group for member in piece.occurrences))
         for number, group in zip(numbers, groups, strict=True)
     )
 
@@ -133,13 +134,13 @@ class _Piece:
         unit = first.unit
         self.bom = first.bom if unit is None else unit.bom
         self.make = make_of(first)
-        self.mass = first.properties.mass if unit is None else sum(one.properties.mass for one in occurrences)
-        sources = {one.mass_source for one in occurrences if one.properties.mass > 0.0} or {first.mass_source}
+        self.mass = first.properties.mass if unit is None else sum(member.properties.mass for member in occurrences)
+        sources = {member.mass_source for member in occurrences if member.properties.mass > 0.0} or {first.mass_source}
         self.mass_source = sources.pop() if len(sources) == 1 else "derived"
         has_geometry = unit is None and first.record is not None and first.record.box is not None
         self.material = first.material.name if first.material is not None and has_geometry else None
-        own = first.definition if unit is None else unit.definition
-        self.definition = own.plain if own.plain is not None and self.make == "buy" and unit is None else own
+        definition = first.definition if unit is None else unit.definition
+        self.definition = definition.plain if definition.plain is not None and self.make == "buy" and unit is None else definition
 
     @property
     def name(self) -> str:
@@ -160,8 +161,8 @@ class _Piece:
         If a frame or link has a part number, the number identifies it, regardless of the name of the component. Nested assemblies are
         identified by their definition.
         """
-        named = self.first.unit is None and (self.bom.number is None or self.definition.kind not in ("frame", "link"))
-        return self.definition, self.name if named else None, self.make, self.material, self.mass_source, self.bom
+        by_name = self.first.unit is None and (self.bom.number is None or self.definition.kind not in ("frame", "link"))
+        return self.definition, self.name if by_name else None, self.make, self.material, self.mass_source, self.bom
 
 
 def _row(number: str, piece: _Piece, quantity: int) -> BomRow:
@@ -207,7 +208,7 @@ def plain_name(occurrence: Occurrence) -> str:
     return occurrence.component.key
 
 
-def _numbers(said: list[str | None]) -> list[str]:
-    taken = {number for number in said if number is not None}
-    free = (text for text in map(str, count(1)) if text not in taken)
-    return [next(free) if number is None else number for number in said]
+def _numbers(given: list[str | None]) -> list[str]:
+    used = {number for number in given if number is not None}
+    unused = (text for text in map(str, count(1)) if text not in used)
+    return [next(unused) if number is None else number for number in given]

@@ -67,28 +67,28 @@ ROUGHNESS = 0.6
 def emit(request: EmitRequest) -> Artifacts:
     """Write a GLB file for each chosen mode. If the robot has no visual shapes, return an export loss instead.
 
-    A file contains each mesh once for each colour. The colours share the coordinates of the vertices.
+    A file contains each mesh once for each of its colours. Meshes that differ only in colour share their vertices.
     """
     if not any(occurrence.drawn for occurrence in request.assembly.occurrences):
         assembly = request.assembly
-        whole = Loss("glb", None, assembly.name, "the robot has no visual geometry", "omitted", assembly.definition.origin)
-        return Artifacts(files={}, losses=(whole,))
-    drawn = cache(partial(_load_mesh, request.store))
-    files = {f"glb/{robot.name}_{robot.mode.name}.glb": _glb_bytes(robot, drawn) for robot in request.robots}
+        loss = Loss("glb", None, assembly.name, "the robot has no visual geometry", "omitted", assembly.definition.origin)
+        return Artifacts(files={}, losses=(loss,))
+    load_mesh = cache(partial(_load_mesh, request.store))
+    files = {f"glb/{robot.name}_{robot.mode.name}.glb": _glb_bytes(robot, load_mesh) for robot in request.robots}
     return Artifacts(files=dict(sorted(files.items())), losses=losses("glb", CAPABILITIES, request.assembly, request.robots))
 
 
 class _Node(FrozenStruct):
     """A node of a glTF scene, with its pose relative to its parent node.
 
-    `shown` is the surface of the node, `called` is the name of its mesh, and `extras` contains custom data.
+    `surface` is the visual shape of the node, if any, `mesh_name` is the name of its mesh, and `extras` contains custom data.
     """
 
     name: str
     parent: str
     pose: Pose
-    shown: Surface | None = None
-    called: str = ""
+    surface: Surface | None = None
+    mesh_name: str = ""
     extras: Mapping[str, object] = {}
 
 
@@ -111,12 +111,13 @@ def _nodes(robot: Robot) -> Iterator[_Node]:
             pose = _axis(body.joints[-1].twist, at_once=body.at_once).inverse()
         yield _Node(name=name, parent=parent, pose=pose)
         link = assembly.links[body.link]
-        for member, place in zip(link.members, link.poses, strict=True):
+        for member, pose_in_link in zip(link.members, link.poses, strict=True):
             occurrence = assembly.occurrences[member]
-            for index, shown in enumerate(occurrence.drawn):
-                called = occurrence.definition.text if occurrence.listed is None else _mesh_name(shown)
-                at = place @ (shown.solid.pose if isinstance(shown.solid, Primitive) else shown.pose)
-                yield _Node(name=name_with_index(f"{occurrence.path}:visual", index), parent=name, pose=at, shown=shown, called=called)
+            for index, surface in enumerate(occurrence.drawn):
+                mesh_name = occurrence.definition.text if occurrence.listed is None else _mesh_name(surface)
+                surface_pose = pose_in_link @ (surface.solid.pose if isinstance(surface.solid, Primitive) else surface.pose)
+                visual = name_with_index(f"{occurrence.path}:visual", index)
+                yield _Node(name=visual, parent=name, pose=surface_pose, surface=surface, mesh_name=mesh_name)
 
 
 def _mesh_name(surface: Surface) -> str:
@@ -139,8 +140,8 @@ def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, f
     if body.at_once:
         values = tuple(q[joint.path] for joint in body.joints)
         name = f"{robot.assembly.mates[first.mate].name or first.path}:joint"
-        at = pose @ pose_after(body.twists, values, at_once=True) @ _axis(body.joints[-1].twist, at_once=True)
-        yield _Node(name=name, parent=parent, pose=at, extras={"kind": first.kind.name, "q": list(values)})
+        pose_at_q = pose @ pose_after(body.twists, values, at_once=True) @ _axis(body.joints[-1].twist, at_once=True)
+        yield _Node(name=name, parent=parent, pose=pose_at_q, extras={"kind": first.kind.name, "q": list(values)})
         return
     for joint in body.joints:
         name, axis = f"{joint.path}:joint", _axis(joint.twist)
@@ -186,22 +187,22 @@ def _tessellate(primitive: Primitive) -> Any:
             return trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3)], process=False)
 
 
-def _glb_bytes(robot: Robot, drawn: Callable[[Mesh | Primitive], Any]) -> bytes:
+def _glb_bytes(robot: Robot, load_mesh: Callable[[Mesh | Primitive], Any]) -> bytes:
     scene: Any = trimesh.Scene(base_frame="")
     materials: dict[str, dict[str, object]] = {}
-    of_mesh: dict[str, tuple[str, str]] = {}
+    mesh_keys: dict[str, tuple[str, str]] = {}
     for node in _nodes(robot):
-        place = {"frame_to": node.name, "frame_from": node.parent, "matrix": np.array(node.pose.rows()), "metadata": dict(node.extras)}
-        if node.shown is None:
-            scene.graph.update(**place)
+        edge = {"frame_to": node.name, "frame_from": node.parent, "matrix": np.array(node.pose.rows()), "metadata": dict(node.extras)}
+        if node.surface is None:
+            scene.graph.update(**edge)
             continue
-        material = _material(node.shown)
-        key = f"{node.called} in {material['name']}"
-        if key not in of_mesh:
-            of_mesh[key] = (node.called, str(material["name"]))
+        material = _material(node.surface)
+        key = f"{node.mesh_name} in {material['name']}"
+        if key not in mesh_keys:
+            mesh_keys[key] = (node.mesh_name, str(material["name"]))
             materials.setdefault(str(material["name"]), material)
-            scene.geometry[key] = drawn(node.shown.solid)
-        scene.graph.update(**place, geometry=key)
+            scene.geometry[key] = load_mesh(node.surface.solid)
+        scene.graph.update(**edge, geometry=key)
 
     def finish(tree: dict[str, Any]) -> None:
         """Set values in the JSON part of a glTF file that trimesh cannot write: the generator, exact colours and mesh names."""
@@ -209,12 +210,12 @@ def _glb_bytes(robot: Robot, drawn: Callable[[Mesh | Primitive], Any]) -> bytes:
         tree["materials"] = list(materials.values())
         numbers = {name: number for number, name in enumerate(materials)}
         for mesh in tree["meshes"]:
-            mesh["name"], material = of_mesh[mesh["name"]]
+            mesh["name"], material = mesh_keys[mesh["name"]]
             del mesh["extras"]  # metadata of the file from which trimesh read the mesh
             mesh["primitives"][0]["material"] = numbers[material]
 
-    written: bytes = scene.export(file_type="glb", include_normals=False, tree_postprocessor=finish)
-    return written
+    data: bytes = scene.export(file_type="glb", include_normals=False, tree_postprocessor=finish)
+    return data
 
 
 def _material(surface: Surface) -> dict[str, object]:
@@ -224,12 +225,12 @@ def _material(surface: Surface) -> dict[str, object]:
     """
     red, green, blue, alpha = channels(surface.color or "#bfbfbf")
     name = material_name(surface.material, surface.color) or "color"
-    open_ = not surface.solid.closed if isinstance(surface.solid, Mesh) else surface.solid.shape == "plane"
+    is_open = not surface.solid.closed if isinstance(surface.solid, Mesh) else surface.solid.shape == "plane"
     return {
-        "name": f"{name}:open" if open_ else name,
+        "name": f"{name}:open" if is_open else name,
         "pbrMetallicRoughness": {
             "baseColorFactor": [linear(red), linear(green), linear(blue), alpha], "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS,
         },
-        **({"doubleSided": True} if open_ else {}),
+        **({"doubleSided": True} if is_open else {}),
         **({"alphaMode": "BLEND"} if alpha < 1.0 else {}),
     }

@@ -14,16 +14,16 @@ from thingc.targets.hag.layered_layout import Drawing, Line, Rectangle, Route, S
 
 MARGIN = 28.0
 HEAD = 62.0
-LEAD = 15.0
+LINE_HEIGHT = 15.0
 """Distance between lines of text."""
 PADDING = 12.0
 ADVANCE = 0.61
 """Width of a character in a monospaced font, relative to the font size. The width is 0.602 for DejaVu Sans Mono and Menlo, and 0.600 for
 Courier.
 """
-LONGEST = 46
+MAX_CHARACTERS = 46
 """Maximum number of characters in a line. A longer text is wrapped or cut, and its tooltip shows the full text."""
-MOST = 6
+MAX_ENTRIES = 6
 """Maximum number of entries in a label, and maximum number of lines of parameters in a box. The tooltip of the label or the box shows all
 entries.
 """
@@ -45,7 +45,7 @@ def picture(hag: Hag) -> str:
     texts = [_box_texts(definition) for definition in hag.definitions]
     sizes = [_box_size(lines, counted[d.text]) for lines, d in zip(texts, hag.definitions)]
     strands = bundles(hag)
-    labels = [_label_words(strand) for strand in strands.values()]
+    labels = [_label_lines(strand) for strand in strands.values()]
     lines = [
         Line(source=numbers[parent], target=numbers[child], label=_label_size(label))
         for (parent, child), label in zip(strands, labels)
@@ -64,7 +64,7 @@ def picture(hag: Hag) -> str:
 
 
 def _canvas(hag: Hag, drawing: Drawing) -> ET.Element:
-    width = max(drawing.width, 8.0 * LONGEST, _width(escape_control(hag.label), 16.0)) + 2.0 * MARGIN
+    width = max(drawing.width, 8.0 * MAX_CHARACTERS, _width(escape_control(hag.label), 16.0)) + 2.0 * MARGIN
     height = drawing.height + HEAD + MARGIN
     svg = ET.Element("svg", {
         "xmlns": "http://www.w3.org/2000/svg", "width": _n(width), "height": _n(height), "viewBox": f"0 0 {_n(width)} {_n(height)}",
@@ -92,20 +92,20 @@ def _canvas(hag: Hag, drawing: Drawing) -> ET.Element:
 
 def _box_texts(definition: Definition) -> list[str]:
     """Return the lines of text in the box of a definition: the name, then the module or file and the parameters."""
-    name, where, parameters = short(definition)
+    name, location, parameters = short(definition)
     lines = [_cut(name)]
-    if where:
-        lines.append(_cut(where))
-    broken = _break_lines(parameters.split(", ")) if parameters else []
-    return lines + (broken if len(broken) <= MOST else [*broken[: MOST - 1], "..."])
+    if location:
+        lines.append(_cut(location))
+    parameter_lines = _break_lines(parameters.split(", ")) if parameters else []
+    return lines + (parameter_lines if len(parameter_lines) <= MAX_ENTRIES else [*parameter_lines[: MAX_ENTRIES - 1], "..."])
 
 
-def _break_lines(words: Sequence[str]) -> list[str]:
+def _break_lines(parts: Sequence[str]) -> list[str]:
     """Join words by commas, and break the text into lines of at most `LONGEST` characters."""
     lines: list[str] = []
-    for position, word in enumerate(words):
-        piece = word + ("," if position < len(words) - 1 else "")
-        if lines and len(lines[-1]) + 1 + len(piece) <= 0.8 * LONGEST:
+    for position, part in enumerate(parts):
+        piece = part + ("," if position < len(parts) - 1 else "")
+        if lines and len(lines[-1]) + 1 + len(piece) <= 0.8 * MAX_CHARACTERS:
             lines[-1] += " " + piece
         else:
             lines.append(_cut(piece))
@@ -115,10 +115,10 @@ def _break_lines(words: Sequence[str]) -> list[str]:
 def _box_size(lines: Sequence[str], count: int) -> Size:
     head = _width(lines[0], 13.0) + (_width(f"x{count}", 11.0) + 22.0 if count > 1 else 0.0)
     width = max([head, *(_width(line, 11.0) for line in lines[1:])]) + 2.0 * PADDING
-    return Size(width=round(max(width, 96.0), 1), height=LEAD * len(lines) + 15.0)
+    return Size(width=round(max(width, 96.0), 1), height=LINE_HEIGHT * len(lines) + 15.0)
 
 
-class _Words(FrozenStruct):
+class _LabelLine(FrozenStruct):
     """A text line of a label. `baseline` is the distance of the text from the upper edge of the label. `kind` is `name`, `place` or
     `joint`.
     """
@@ -128,26 +128,26 @@ class _Words(FrozenStruct):
     baseline: float
 
 
-def _label_words(strand: Sequence[DefinitionEdge]) -> list[_Words]:
+def _label_lines(strand: Sequence[DefinitionEdge]) -> list[_LabelLine]:
     """Return the text lines for the label of a drawn line: the components, each with its placement."""
-    words: list[_Words] = []
+    lines: list[_LabelLine] = []
     baseline = 11.0
     placements = entries(strand)
-    for name, placed in placements[: MOST if len(placements) <= MOST else MOST - 1]:
-        words.append(_Words(text=_cut(name), kind="name", baseline=baseline))
+    for name, placed in placements[: MAX_ENTRIES if len(placements) <= MAX_ENTRIES else MAX_ENTRIES - 1]:
+        lines.append(_LabelLine(text=_cut(name), kind="name", baseline=baseline))
         if placed:
             kind = "joint" if placed.startswith("joint ") else "place"
-            baseline += LEAD - 2.0
-            words.append(_Words(text=_cut(placed), kind=kind, baseline=baseline))
-        baseline += LEAD + 3.0
-    if len(placements) > MOST:
-        words.append(_Words(text=f"and {len(placements) - MOST + 1} more", kind="place", baseline=baseline))
-    return words
+            baseline += LINE_HEIGHT - 2.0
+            lines.append(_LabelLine(text=_cut(placed), kind=kind, baseline=baseline))
+        baseline += LINE_HEIGHT + 3.0
+    if len(placements) > MAX_ENTRIES:
+        lines.append(_LabelLine(text=f"and {len(placements) - MAX_ENTRIES + 1} more", kind="place", baseline=baseline))
+    return lines
 
 
-def _label_size(words: Sequence[_Words]) -> Size:
-    width = max(_width(line.text, 11.0 if line.kind == "name" else 10.0) for line in words)
-    return Size(width=round(width + 10.0, 1), height=words[-1].baseline + 5.0)
+def _label_size(lines: Sequence[_LabelLine]) -> Size:
+    width = max(_width(line.text, 11.0 if line.kind == "name" else 10.0) for line in lines)
+    return Size(width=round(width + 10.0, 1), height=lines[-1].baseline + 5.0)
 
 
 def _draw_line(board: ET.Element, strand: Sequence[DefinitionEdge], route: Route) -> None:
@@ -166,39 +166,39 @@ def _color(strand: Sequence[DefinitionEdge]) -> str:
     return JOINT if any(edge.joint is not None for edge in strand) else LINE
 
 
-def _draw_label(board: ET.Element, strand: Sequence[DefinitionEdge], place: Rectangle, words: Sequence[_Words]) -> None:
+def _draw_label(board: ET.Element, strand: Sequence[DefinitionEdge], rectangle: Rectangle, lines: Sequence[_LabelLine]) -> None:
     group = ET.SubElement(board, "g", {"class": "label"})
     ET.SubElement(group, "title").text = "\n".join(": ".join(filter(None, (edge.component, how(edge)))) for edge in strand)
-    ET.SubElement(group, "rect", _rectangle(place) | {"fill": "#ffffff", "rx": "3"})
+    ET.SubElement(group, "rect", _rectangle(rectangle) | {"fill": "#ffffff", "rx": "3"})
     styles: dict[str, dict[str, str]] = {
         "name": {}, "place": {"fill": MUTED, "font-size": "10"}, "joint": {"fill": JOINT, "font-size": "10"},
     }
-    for line in words:
-        _add_text(group, place.x + 5.0, place.y + line.baseline, line.text, styles[line.kind])
+    for line in lines:
+        _add_text(group, rectangle.x + 5.0, rectangle.y + line.baseline, line.text, styles[line.kind])
 
 
-def _draw_box(board: ET.Element, definition: Definition, place: Rectangle, lines: Sequence[str], count: int) -> None:
+def _draw_box(board: ET.Element, definition: Definition, rectangle: Rectangle, lines: Sequence[str], count: int) -> None:
     group = ET.SubElement(board, "g", {"class": f"box {definition.kind}"})
     ET.SubElement(group, "title").text = escape_control(definition.label)
-    ET.SubElement(group, "rect", _rectangle(place) | _box_style(definition.kind) | {"rx": "7"})
+    ET.SubElement(group, "rect", _rectangle(rectangle) | _box_style(definition.kind) | {"rx": "7"})
     for row, line in enumerate(lines):
         style = {"font-size": "13", "font-weight": "bold"} if row == 0 else {"fill": MUTED}
-        _add_text(group, place.x + PADDING, place.y + LEAD * row + 19.5, line, style)
+        _add_text(group, rectangle.x + PADDING, rectangle.y + LINE_HEIGHT * row + 19.5, line, style)
     if count > 1:
         badge = f"x{count}"
         width = _width(badge, 11.0) + 10.0
-        x = place.x + place.width - width - 7.0
-        pill = Rectangle(x=x, y=place.y + 7.0, width=width, height=16.0)
+        x = rectangle.x + rectangle.width - width - 7.0
+        pill = Rectangle(x=x, y=rectangle.y + 7.0, width=width, height=16.0)
         ET.SubElement(group, "rect", _rectangle(pill) | {"rx": "8", "fill": EDGE[definition.kind]})
-        _add_text(group, x + 5.0, place.y + 19.0, badge, {"fill": "#ffffff", "font-weight": "bold"})
+        _add_text(group, x + 5.0, rectangle.y + 19.0, badge, {"fill": "#ffffff", "font-weight": "bold"})
 
 
 def _box_style(kind: DefinitionKind) -> dict[str, str]:
     return {"fill": FILL[kind], "stroke": EDGE[kind]} | ({"stroke-dasharray": "4 3"} if kind == "frame" else {})
 
 
-def _rectangle(place: Rectangle) -> dict[str, str]:
-    return {"x": _n(place.x), "y": _n(place.y), "width": _n(place.width), "height": _n(place.height)}
+def _rectangle(rectangle: Rectangle) -> dict[str, str]:
+    return {"x": _n(rectangle.x), "y": _n(rectangle.y), "width": _n(rectangle.width), "height": _n(rectangle.height)}
 
 
 def _add_text(parent: ET.Element, x: float, y: float, text: str, style: dict[str, str]) -> None:
@@ -211,7 +211,7 @@ def _width(text: str, size: float) -> float:
 
 
 def _cut(text: str) -> str:
-    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+    return text if len(text) <= MAX_CHARACTERS else text[: MAX_CHARACTERS - 3] + "..."
 
 
 def _n(value: float) -> str:

@@ -56,19 +56,19 @@ _BOX_SIDES = (
 
 
 class AcceptedModels:
-    """A cache in the store of the models that MuJoCo has accepted.
+    """A cache, in the store, of the models, meshes and initial states that MuJoCo has accepted.
 
-    The cached results are valid for the meshes `meshes` and for one version of MuJoCo.
+    The cached results are valid for the given meshes and version of MuJoCo.
     """
 
     def __init__(self, store: Store, version: str, meshes: Sequence[MeshAsset]) -> None:
         self.store = store
         self.version = version
         self._meshes = meshes
-        self._around = json.dumps([version, {mesh.file: mesh.stored.sha256 for mesh in meshes}], sort_keys=True)
+        self._context = json.dumps([version, {mesh.file: mesh.stored.sha256 for mesh in meshes}], sort_keys=True)
 
     @functools.cached_property
-    def _new(self) -> dict[str, str]:
+    def _unaccepted(self) -> dict[str, str]:
         """Return the cache keys of the meshes that MuJoCo has not accepted yet, by file."""
         keys = {mesh.file: self._mesh_key(mesh) for mesh in self._meshes}
         return {file: key for file, key in keys.items() if self.store.get_json(MESH, key) is None}
@@ -78,8 +78,8 @@ class AcceptedModels:
 
         If `started` is True, the initial state must also have been checked.
         """
-        answers = (True,) if started else (True, False)
-        return any(self.store.get_json(MODEL, self._key((*texts, str(one)))) is not None for one in answers)
+        levels = (True,) if started else (True, False)
+        return any(self.store.get_json(MODEL, self._key((*texts, str(level)))) is not None for level in levels)
 
     def accept(self, texts: Sequence[str], *, started: bool) -> None:
         """Record that MuJoCo accepted a model and its meshes. If `started` is True, also record that the initial state was checked."""
@@ -89,14 +89,12 @@ class AcceptedModels:
     def accept_meshes(self, *meshes: MeshAsset) -> None:
         """Record that MuJoCo accepted meshes. By default, record that MuJoCo accepted all meshes of a model."""
         for mesh in meshes or self._meshes:
-            if (key := self._new.pop(mesh.file, None)) is not None:
+            if (key := self._unaccepted.pop(mesh.file, None)) is not None:
                 self.store.note_json(MESH, key, True)
 
-    def unread(self, true: Collection[str]) -> list[MeshAsset]:
-        """Return the meshes that MuJoCo must read. The result contains the meshes that MuJoCo has not accepted yet, and the meshes whose
-        names are in `true`.
-        """
-        return [mesh for mesh in self._meshes if mesh.name in true or mesh.file in self._new]
+    def unread(self, required: Collection[str]) -> list[MeshAsset]:
+        """Return the meshes that MuJoCo must read: meshes that it has not accepted yet, and meshes whose names are in `required`."""
+        return [mesh for mesh in self._meshes if mesh.name in required or mesh.file in self._unaccepted]
 
     def start(self, key: str) -> bool:
         """Return whether the initial state with the digest `key` was accepted."""
@@ -107,17 +105,17 @@ class AcceptedModels:
         self.store.note_json(START, self._key((key,)), True)
 
     def data(
-        self, models: Iterable[Element], true: Collection[str] = (), instead: Mapping[str, bytes] = MappingProxyType({}),
+        self, models: Iterable[Element], required: Collection[str] = (), replacements: Mapping[str, bytes] = MappingProxyType({}),
     ) -> dict[str, bytes]:
         """Return the contents of the mesh files that MuJoCo reads, by file name.
 
-        A mesh that MuJoCo has accepted is replaced by a tetrahedron, unless its name is in `true`. If `instead` contains bytes for any
-        other mesh, these bytes replace the mesh. If raw attributes may affect meshes, no mesh counts as accepted.
+        A mesh that MuJoCo has accepted is replaced by a tetrahedron, unless its name is in `required`. The other meshes are replaced by the
+        bytes in `replacements`, if any. If raw attributes of the `models` may affect meshes, no mesh counts as accepted.
         """
-        whole = any(about_meshes(model) for model in models)
-        files = {mesh.file for mesh in (self._meshes if whole else self.unread(true))}
+        all_needed = any(changes_meshes(model) for model in models)
+        files = {mesh.file for mesh in (self._meshes if all_needed else self.unread(required))}
         return {
-            mesh.file: instead.get(mesh.file) or self.store.read(mesh.stored.sha256) if mesh.file in files
+            mesh.file: replacements.get(mesh.file) or self.store.read(mesh.stored.sha256) if mesh.file in files
             else mesh_bytes(mesh.file, _CORNERS, _SIDES)
             for mesh in self._meshes
         }
@@ -128,7 +126,7 @@ class AcceptedModels:
         return f"{self.version} {mesh.stored.sha256} {extension} {'shell' if is_shell(mesh) else 'solid'}{scale}"
 
     def _key(self, texts: Sequence[str]) -> str:
-        return hashlib.sha256("\0".join((self._around, *texts)).encode()).hexdigest()
+        return hashlib.sha256("\0".join((self._context, *texts)).encode()).hexdigest()
 
 
 @functools.cache
@@ -141,7 +139,7 @@ def mujoco_version() -> str:
     return version("mujoco")
 
 
-def about_meshes(model: Element) -> bool:
+def changes_meshes(model: Element) -> bool:
     """Return whether raw attributes change meshes or their use, or whether added elements define contact pairs."""
     if any(child.tag == "pair" for child in model.find_or_empty("contact").children):
         return True
@@ -176,7 +174,7 @@ def choose_geometry(assembly: Assembly, report: Report) -> tuple[Geometry, list[
 
     Report an error for each shape that MuJoCo does not accept.
     """
-    return collect_geometry(assembly, "mjcf", FOLDER, report, original=True, describe_flat=_no_solid)
+    return collect_geometry(assembly, "mjcf", FOLDER, report, original=True, describe_flat=_describe_flat)
 
 
 def is_shell(mesh: MeshAsset) -> bool:
@@ -184,7 +182,7 @@ def is_shell(mesh: MeshAsset) -> bool:
     return mesh.mesh.flat or not mesh.mesh.closed or mesh.volume < LEAST_VOLUME
 
 
-def _no_solid(piece: Mesh | Primitive) -> str:
+def _describe_flat(piece: Mesh | Primitive) -> str:
     """Return the reason why MuJoCo does not support contacts of a shape."""
     what = f"the enclosing {piece.shape} has no volume" if isinstance(piece, Primitive) else "the collision mesh is flat"
     return f"{what}, but MuJoCo needs a solid"

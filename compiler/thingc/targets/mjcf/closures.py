@@ -51,15 +51,15 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
                 ends = {"body1": parent, "body2": links[closure.child]}
                 section.add("weld", {"name": name, **ends, "relpose": relpose, **stiff}, closure.origin)
             case "connect" | "two connects":
-                for index, (one, other) in enumerate(_points(robot, closure)):
+                for index, (first, other) in enumerate(_points(robot, closure)):
                     section.add(
-                        "connect", {"name": name_with_index(name, index), "site1": one[0], "site2": other[0], **stiff}, closure.origin,
+                        "connect", {"name": name_with_index(name, index), "site1": first[0], "site2": other[0], **stiff}, closure.origin,
                     )
             case "connect and tendon":
-                (one, other), second = _points(robot, closure)
-                section.add("connect", {"name": name, "site1": one[0], "site2": other[0], **stiff}, closure.origin)
-                longer = sqrt(2.0) * _lever(robot, closure) - _at_zero(robot, closure, second)
-                polynomial = (longer, 0.0, 0.0, 0.0, 0.0)
+                (first, other), second = _points(robot, closure)
+                section.add("connect", {"name": name, "site1": first[0], "site2": other[0], **stiff}, closure.origin)
+                offset = sqrt(2.0) * _lever(robot, closure) - _distance_at_zero(robot, closure, second)
+                polynomial = (offset, 0.0, 0.0, 0.0, 0.0)
                 section.add("tendon", {"name": f"{name}_1", "tendon1": name, "polycoef": polynomial, **stiff}, closure.origin)
             case None:
                 pass  # the loop stays open (see `losses`)
@@ -83,9 +83,7 @@ def equality(closure: Closure) -> Literal["weld", "connect", "two connects", "co
 
 
 def equality_name(closure: Closure) -> str:
-    """Return the name of an equality constraint. The name is the custom name of the constraint, or a name such as `rear_foot/sole:hold` or
-    `rod:loop`.
-    """
+    """Return the name of an equality constraint: its custom name, or a name such as `rear_foot/sole:hold` or `rod:loop`."""
     return closure.name or f"{closure.path}:{'hold' if closure.hold else 'loop'}"
 
 
@@ -100,12 +98,11 @@ def anchor_name(closure: Closure) -> str:
 def anchors(robot: Robot) -> dict[str, Pose]:
     """Return the poses of all anchors in the world, by name.
 
-    If the mount can rotate, the anchor is at the origin of the mount. If the mount cannot rotate, the anchor is at the frame of the held
-    link.
+    The anchor of a mount that can rotate is at the origin of the mount. Any other anchor is at the frame of the held link.
     """
     return {
-        anchor_name(one): Pose(translation=one.X_PA.translation) if one.turns else one.X_PA @ one.X_CB.inverse()
-        for one in robot.closures if one.hold
+        anchor_name(closure): Pose(translation=closure.X_PA.translation) if closure.turns else closure.X_PA @ closure.X_CB.inverse()
+        for closure in robot.closures if closure.hold
     }
 
 
@@ -113,17 +110,17 @@ def sites(robot: Robot, world: Element, bodies: Mapping[int, Element]) -> None:
     """Add the anchors of held mounts to the model. Also add the sites at which the two sides of a ball, hinge or universal joint are
     connected.
     """
-    placed = anchors(robot)
+    poses = anchors(robot)
     for closure in robot.closures:
         form = equality(closure)
         if closure.hold:
             name = anchor_name(closure)
-            anchor = world.add("body", {"name": name, "mocap": "true", **pose_attributes(placed[name])}, closure.origin)
+            anchor = world.add("body", {"name": name, "mocap": "true", **pose_attributes(poses[name])}, closure.origin)
             if form == "connect":
                 anchor.add("site", {"name": name, "group": "3"}, closure.origin)
         elif form not in ("weld", None) and closure.parent is not None:
-            for one, other in _points(robot, closure):
-                for body, (name, pose) in ((closure.parent, one), (closure.child, other)):
+            for first, second in _points(robot, closure):
+                for body, (name, pose) in ((closure.parent, first), (closure.child, second)):
                     bodies[body].add("site", {"name": name, **pose_attributes(pose)}, closure.origin)
 
 
@@ -137,17 +134,17 @@ def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tupl
     if closure.hold:
         return [((anchor_name(closure), NO_POSE), (closure.path, closure.X_CB))]
     lever = _lever(robot, closure)
-    ends = make_translation(0.0, 0.0, lever), make_translation(0.0, 0.0, lever)
+    second_points = make_translation(0.0, 0.0, lever), make_translation(0.0, 0.0, lever)
     if closure.kind == "universal":
         (x, y, z), (u, v, w) = (twist.angular for twist in closure.twists)
-        ends = make_translation(lever * x, lever * y, lever * z), make_translation(lever * u, lever * v, lever * w)
+        second_points = make_translation(lever * x, lever * y, lever * z), make_translation(lever * u, lever * v, lever * w)
     return [
-        ((f"{closure.path}:parent{mark}", closure.X_PA @ one), (f"{closure.path}:child{mark}", closure.X_CB @ other))
-        for mark, (one, other) in (("", (NO_POSE, NO_POSE)), ("_1", ends))[: 1 if closure.kind == "ball" else 2]
+        ((f"{closure.path}:parent{suffix}", closure.X_PA @ on_parent), (f"{closure.path}:child{suffix}", closure.X_CB @ on_child))
+        for suffix, (on_parent, on_child) in (("", (NO_POSE, NO_POSE)), ("_1", second_points))[: 1 if closure.kind == "ball" else 2]
     ]
 
 
-def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tuple[str, Pose]]) -> float:
+def _distance_at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tuple[str, Pose]]) -> float:
     """Return the distance [m] at q = 0 between a point of the parent and a point of the child.
 
     MuJoCo uses this distance as the reference length of the tendon.
@@ -161,11 +158,10 @@ def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tup
 
 
 def _lever(robot: Robot, closure: Closure) -> float:
-    """Return the distance [m] between the two points at which a constraint acts.
+    """Return the distance [m] between the two points of an axis at which a constraint acts.
 
-    The distance is that from the axis to the centre of mass of the child, rounded to one digit. The returned distance is at least 1e-3 m.
-
-    With this distance, translation and rotation have similar weights in the constraint.
+    The result is the distance from the joint to the centre of mass of the child, rounded to one digit, and at least 1e-3 m. With this
+    distance, translation and rotation have similar weights in the constraint.
     """
     centre = robot.assembly.links[robot.bodies[closure.child].link].properties.centre
     far = dist(centre, closure.X_CB.translation)
@@ -173,36 +169,34 @@ def _lever(robot: Robot, closure: Closure) -> float:
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Yield the export losses for loops. Such losses concern poses in which loops are not closed, poses that were changed to close loops,
-    and properties of cut joints.
-    """
+    """Yield the export losses for loops: poses that were changed or omitted because of loops, and properties of cut joints."""
     mode = robot.mode.name
     turns = {joint.path for mate in robot.assembly.mates for joint in mate.joints if joint.twist.turns}
     for frame in robot.keyframes:
         if frame.moved:
             what = f"the values: the loops close with {_describe_movement(frame.moved, turns)}"
             yield Loss("mjcf", mode, frame.name, what, "approximated", frame.origin)
-    for one in robot.unclosed:
-        if one.moved:
-            what = f"the keyframe: the loops close only with {_describe_movement(one.moved, turns)}"
+    for pose in robot.unclosed:
+        if pose.moved:
+            what = f"the keyframe: the loops close only with {_describe_movement(pose.moved, turns)}"
         else:
-            what = f"the keyframe: `{one.path}` does not close (at best {residual_words(one.residual)} apart)"
-        yield Loss("mjcf", mode, one.name, what, "omitted", one.origin)
+            what = f"the keyframe: `{pose.path}` does not close (at best {residual_words(pose.residual)} apart)"
+        yield Loss("mjcf", mode, pose.name, what, "omitted", pose.origin)
     for closure in robot.closures:
         if not closure.joints or equality(closure) is None:
             continue
         joint = closure.joints[0]
-        lost = [
-            word for word, there in (
+        omitted = [
+            text for text, used in (
                 ("the limits", joint.limit.bounded),
                 ("the effort and velocity limits", joint.limit.effort is not None or joint.limit.velocity is not None),
                 ("the dynamics", joint.dynamics.acts),
-                ("the drive", any(one.path in robot.present for one in closure.joints)),
+                ("the drive", any(pose.path in robot.present for pose in closure.joints)),
                 ("the mimic", joint.mimic is not None),
-            ) if there
+            ) if used
         ]
-        if lost:
-            yield Loss("mjcf", mode, closure.path, f"{', '.join(lost)}: the loop is cut at this joint", "omitted", closure.origin)
+        if omitted:
+            yield Loss("mjcf", mode, closure.path, f"{', '.join(omitted)}: the loop is cut at this joint", "omitted", closure.origin)
 
 
 def _describe_movement(moved: Mapping[str, float], turns: Collection[str]) -> str:

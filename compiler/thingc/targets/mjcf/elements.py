@@ -72,14 +72,14 @@ def joint(joint: TreeJoint, driven: bool) -> tuple[Element, ...]:
     itself.
     """
     pos: dict[str, XmlValue] = {"pos": joint.twist.anchor} if any(joint.twist.anchor) else {}
-    attributes, *others = ({"name": one.name, "type": one.type, **pos, "axis": one.axis} for one in mujoco_joints(joint))
+    attributes, *others = ({"name": item.name, "type": item.type, **pos, "axis": item.axis} for item in mujoco_joints(joint))
     bounds = joint_range(joint.limit)
     if bounds is not None:
         attributes["range"] = bounds
     if joint.limit.effort is not None and not driven:
         attributes["actuatorfrcrange"] = both_ways(joint.limit.effort)
     attributes |= dynamics_attributes(joint.dynamics)
-    return tuple(Element(tag="joint", attributes=one, origin=joint.origin) for one in (attributes, *others))
+    return tuple(Element(tag="joint", attributes=item, origin=joint.origin) for item in (attributes, *others))
 
 
 def ball(name: str, joint: TreeJoint) -> tuple[Element, ...]:
@@ -115,7 +115,7 @@ def named_collision(shapes: Shapes) -> Iterator[tuple[str, Shape]]:
         yield shape.name or name_with_index(f"{shapes.path}:collision", index), shape
 
 
-def pair(settings: ContactPair[int], one: Material | None, other: Material | None) -> dict[str, XmlValue]:
+def pair(settings: ContactPair[int], first: Material | None, second: Material | None) -> dict[str, XmlValue]:
     """Return the attributes of a `pair` element for two materials, other than its geoms.
 
     The friction is always written, because MuJoCo does not derive the friction of a pair from its geoms. Without a friction in the
@@ -124,41 +124,42 @@ def pair(settings: ContactPair[int], one: Material | None, other: Material | Non
     attributes: dict[str, XmlValue] = {
         key: value for key, value in (("margin", settings.margin), ("gap", settings.gap)) if value is not None
     }
-    said = [material for material in (one, other) if _friction(material)] or [None]
-    kinds = [(None, None, None) if material is None else (material.slide, material.torsion, material.roll) for material in said]
+    materials = [material for material in (first, second) if _friction(material)] or [None]
+    kinds = [(None, None, None) if material is None else (material.slide, material.torsion, material.roll) for material in materials]
     if settings.friction != (None, None, None):
         kinds = [settings.friction]
-    several = [_coefficients(*kind) for kind in kinds]
-    slide, torsion, roll = (maximum(column) for column in zip(*(coefficients for coefficients, _ in several), strict=True))
-    condim = sorted(condim for _, condim in several)[-1]
+    combined = [_coefficients(*kind) for kind in kinds]
+    slide, torsion, roll = (maximum(column) for column in zip(*(coefficients for coefficients, _ in combined), strict=True))
+    condim = sorted(condim for _, condim in combined)[-1]
     return {**attributes, "condim": condim, "friction": (slide, slide, torsion, roll, roll)}
 
 
 def geoms(
-    poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str, taken: frozenset[str], masks: tuple[Masks | None, ...],
+    poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], collision_class: str, reserved: frozenset[str], masks: tuple[Masks | None, ...],
 ) -> tuple[Element, ...]:
-    """Return the visual geoms and the collision geoms of a link. The collision geoms have the default class `touching`.
+    """Return the visual geoms and the collision geoms of a link. The collision geoms have the default class `collision_class`.
 
-    `poses` contains the poses of the occurrences in the link, and `taken` contains the custom names of shapes. If a visual shape and a
-    collision shape have the same name, only the collision geom gets this name. `masks` contains the masks of occurrences in contact groups.
+    For each occurrence of the link, `poses` contains its pose in the link, `shapes` its shapes, and `masks` its contact masks, or None
+    outside contact groups. `reserved` contains all custom names of shapes in the model. If a visual shape and a collision shape have the
+    same name, only the collision geom gets this name.
     """
     elements: list[Element] = []
-    for pose, one, mask in zip(poses, shapes, masks, strict=True):
-        used = {shape.name for shape in one.collision}
-        for index, shape in enumerate(one.visual):
-            name = shape.name or one.path
-            if index and not shape.name or name in (used if shape.name else taken):
+    for pose, occurrence, mask in zip(poses, shapes, masks, strict=True):
+        used = {shape.name for shape in occurrence.collision}
+        for index, shape in enumerate(occurrence.visual):
+            name = shape.name or occurrence.path
+            if index and not shape.name or name in (used if shape.name else reserved):
                 name = name_with_index(f"{name}:visual", index)  # do not use `cap_1`, which may be the name of another component
             used.add(shape.name)
             attributes = {"name": name, "class": "visual", **_shape(shape, pose)}
             material = material_name(shape.material, shape.color)
             if material is not None:
                 attributes["material"] = material
-            elements.append(Element(tag="geom", attributes=attributes, origin=shape.origin or one.origin))
-        grouped: dict[str, XmlValue] = {} if mask is None else {"contype": str(mask[0]), "conaffinity": str(mask[1])}
-        for name, shape in named_collision(one):
-            attributes = {"name": name, "class": touching, **_shape(shape, pose), **_friction(shape.material), **grouped}
-            elements.append(Element(tag="geom", attributes=attributes, origin=shape.origin or one.origin))
+            elements.append(Element(tag="geom", attributes=attributes, origin=shape.origin or occurrence.origin))
+        mask_attributes: dict[str, XmlValue] = {} if mask is None else {"contype": str(mask[0]), "conaffinity": str(mask[1])}
+        for name, shape in named_collision(occurrence):
+            attributes = {"name": name, "class": collision_class, **_shape(shape, pose), **_friction(shape.material), **mask_attributes}
+            elements.append(Element(tag="geom", attributes=attributes, origin=shape.origin or occurrence.origin))
     return tuple(elements)
 
 
@@ -186,13 +187,11 @@ def _shape(shape: Shape, pose: Pose) -> dict[str, XmlValue]:
 
 
 def _friction(material: Material | None) -> dict[str, XmlValue]:
-    """Return the `friction` attributes of a geom. The result is empty if the material does not specify friction.
+    """Return the friction attributes of a geom, with the defaults of MuJoCo for values that the material does not specify.
 
-    For values that the material does not specify, the defaults of MuJoCo are written.
-
-    When two geoms touch, MuJoCo uses the larger friction, so a floor could override the value of the document. To prevent this, the geom
-    gets a priority. For two geoms of the robot, MuJoCo still uses the larger value. Torsional friction requires `condim` 4, and rolling
-    friction requires `condim` 6.
+    The result is empty if the material does not specify any friction. When two geoms touch, MuJoCo uses the larger friction, so a floor
+    could override the value of the document. To prevent this, the geom gets a priority. For two geoms of the robot, MuJoCo still uses the
+    larger value. Torsional friction requires `condim` 4, and rolling friction requires `condim` 6.
     """
     if material is None or (material.slide is None and material.torsion is None and material.roll is None):
         return {}
@@ -208,11 +207,10 @@ def _coefficients(slide: float | None, torsion: float | None, roll: float | None
 
 
 def inertial(properties: MassProperties) -> dict[str, XmlValue]:
-    """Return the mass [kg], the centre of mass [m], and the inertia about the centre of mass [kg m^2] in an `inertial` element, in the
-    frame of the link.
+    """Return the attributes of an `inertial` element: mass [kg], centre of mass [m], and inertia about it [kg m^2], in the link frame.
 
-    The inertia of a link that never moves may be almost 0, or may be an inertia that no solid can have (a point mass). MuJoCo cannot
-    compute the principal axes of such an inertia. Since the inertia of such a link has no effect, it is written as 0.
+    A link that never moves may have an inertia of almost 0, or one that no solid can have (a point mass). MuJoCo cannot compute the
+    principal axes of such an inertia, which has no effect, so it is written as 0.
     """
     inertia = properties.inertia
     attributes: dict[str, XmlValue] = {"pos": properties.centre, "mass": properties.mass}

@@ -125,7 +125,7 @@ def _roots(request: EmitRequest) -> tuple[Geometry, list[Loss], list[Element], d
     geometry, unsaid = choose_geometry(request.assembly, request.report)
     roots = [tree.model(robot, geometry, request.memo) for robot in request.robots]
     left = raw_elements.add(request.assembly, request.robots, roots, request.report)
-    raw.lay(request.assembly, request.robots, roots, request.report)
+    raw.apply_raw(request.assembly, request.robots, roots, request.report)
     return geometry, [*unsaid, *left], *compat.adapt_models(request.compat, request.robots, roots, request.report)
 
 

@@ -40,7 +40,7 @@ KINDS = (*NAMED, *SINGLE, "default")
 RESERVED_CLASSES = frozenset({"main", "visual", "collision", adhesion_contacts.CLASS})
 
 
-def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> None:
+def apply_raw(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> None:
     """Apply the raw attributes to the model of each mode. Kinds and names that no mode contains are reported.
 
     If only some modes contain an element (such as the drive of a joint, or a keyframe), its attributes are applied in these modes. Elements
@@ -50,8 +50,8 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
     for attribute in assembly.raw:
         if attribute.target != TARGET:
             continue
-        placed = attribute.path[-1] == IN_ORDER
-        fault = None if placed else _shape_fault(attribute)
+        is_order = attribute.path[-1] == IN_ORDER
+        fault = None if is_order else _shape_fault(attribute)
         if fault is not None:
             report_fault(attribute, (*fault, 0), report)
             continue
@@ -62,7 +62,7 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
             if element is not None
         ]
         for element in elements:
-            if placed:
+            if is_order:
                 ranks.setdefault(id(element), len(ranks))
             else:
                 if element.tag == "freejoint" and attribute.path[-1] not in ("align", "group"):  # a freejoint has no other attributes
@@ -75,19 +75,19 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
 
 
 def _sort(model: Element, ranks: Mapping[int, int]) -> None:
-    """Sort the elements of a model by their ranks. Elements without a rank come last. The controls in keyframes are sorted in the same way
-    as the actuators.
+    """Sort the elements of a model by rank (keyed by `id`). Elements without a rank come last. The controls in keyframes are reordered like
+    the actuators.
     """
     for section in (section for kind in ORDERED if (section := model.find(kind)) is not None):
         children = section.children
-        places = sorted(range(len(children)), key=lambda place: ranks.get(id(children[place]), len(ranks)))
-        section.children = [children[place] for place in places]
+        indices = sorted(range(len(children)), key=lambda index: ranks.get(id(children[index]), len(ranks)))
+        section.children = [children[index] for index in indices]
         keys = model.find_or_empty("keyframe")
         for number, key in enumerate(keys.children if section.tag == "actuator" else ()):
             if "ctrl" in key.attributes and "ctrl" not in key.raw:
                 controls = key.get("ctrl").split()
                 keys.children[number] = key.copy()
-                keys.children[number].attributes["ctrl"] = " ".join(controls[place] for place in places)
+                keys.children[number].attributes["ctrl"] = " ".join(controls[index] for index in indices)
 
 
 def _shape_fault(attribute: RawAttribute) -> tuple[str, Hint] | None:
@@ -96,15 +96,15 @@ def _shape_fault(attribute: RawAttribute) -> tuple[str, Hint] | None:
     kind = path[0] if path else ""
     if kind not in KINDS:
         return f"there are no raw attributes of `{kind}`", did_you_mean(kind, KINDS, what="kinds of elements")
-    lengths, what, form = {2, 3}, f"an attribute of `{kind}`", f"{kind}: {{ATTRIBUTE: VALUE}}"
+    lengths, expected, form = {2, 3}, f"an attribute of `{kind}`", f"{kind}: {{ATTRIBUTE: VALUE}}"
     if kind in NAMED:
-        lengths, what, form = {3}, f"an attribute of one {kind}", f"{kind}: {{NAME: {{ATTRIBUTE: VALUE}}}}"
+        lengths, expected, form = {3}, f"an attribute of one {kind}", f"{kind}: {{NAME: {{ATTRIBUTE: VALUE}}}}"
     elif kind == "default":
-        lengths, what, form = {4}, "an attribute in a default class", "default: {CLASS: {ELEMENT: {ATTRIBUTE: VALUE}}}"
+        lengths, expected, form = {4}, "an attribute in a default class", "default: {CLASS: {ELEMENT: {ATTRIBUTE: VALUE}}}"
     if len(path) not in lengths:
-        return f"`{attribute.dotted}` must be the path of {what}", f"write `{form}`"
-    why = unwritable(path[-1], attribute.value)
-    return None if why is None else (why, "use an attribute of MJCF, and text that is valid in XML")
+        return f"`{attribute.dotted}` must be the path of {expected}", f"write `{form}`"
+    problem = unwritable(path[-1], attribute.value)
+    return None if problem is None else (problem, "use an attribute of MJCF, and text that is valid in XML")
 
 
 def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element | None:
@@ -121,8 +121,8 @@ def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element |
     section = model.find(kind)
     if section is None:
         section = Element(tag=kind)
-        place = sum(1 for child in model.children if child.tag in SINGLE[: SINGLE.index(kind)])
-        model.children.insert(place, section)
+        position = sum(1 for child in model.children if child.tag in SINGLE[: SINGLE.index(kind)])
+        model.children.insert(position, section)
     return section if len(path) == 2 else section.child(possible_names(attribute)[-1])
 
 
@@ -142,8 +142,8 @@ def possible_names(attribute: RawAttribute) -> tuple[str, ...]:
     name = _linked_name(attribute.path[1])
     if attribute.path[0] not in (*SINGLE, "default", "mesh", "material", "key"):
         return (name,)
-    words = name.split("/")
-    return tuple("/".join(words[first:]) for first in range(len(words)))
+    steps = name.split("/")
+    return tuple("/".join(steps[first:]) for first in range(len(steps)))
 
 
 def class_name(robot: Robot) -> str:
@@ -162,8 +162,8 @@ def _classes(robot: Robot, model: Element) -> dict[str, Element]:
 
 
 def _elements_of_kind(kind: str, model: Element) -> Iterable[Element]:
-    where, tags = NAMED[kind]
-    section = model.find_or_empty(where or "worldbody")
+    section_tag, tags = NAMED[kind]
+    section = model.find_or_empty(section_tag or "worldbody")
     return (
         element for element in section.walk()
         if element is not section and "name" in element.attributes and (tags is None or element.tag in tags)
@@ -174,7 +174,7 @@ def _may_be_in_other_mode(attribute: RawAttribute, assembly: Assembly) -> bool:
     """Return whether a mode that is not built may contain the element of a raw attribute, if the built models do not contain it."""
     kind, name = attribute.path[0], attribute.path[1]
     owner, _, mount = _linked_name(name).rpartition("/")
-    magnet = kind == "actuator" and any(one.path == owner and mount in one.mounts for one in assembly.occurrences)
+    magnet = kind == "actuator" and any(occurrence.path == owner and mount in occurrence.mounts for occurrence in assembly.occurrences)
     if len(attribute.origin) > 1 and (kind == "key" or magnet or attribute.path[-1] == IN_ORDER):
         return True  # the name belongs to a nested document, whose poses and modes are not used
     if kind == "joint":
@@ -191,9 +191,10 @@ def _may_be_in_other_mode(attribute: RawAttribute, assembly: Assembly) -> bool:
 def _report_unknown(attribute: RawAttribute, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> None:
     kind, name = attribute.path[0], attribute.path[1]
     if kind == "default":
-        known, what = {known for robot, model in zip(robots, models, strict=True) for known in _classes(robot, model)}, "class"
+        known_names = {name for robot, model in zip(robots, models, strict=True) for name in _classes(robot, model)}
+        described_kind = "class"
     else:
-        known, what = {element.get("name") for model in models for element in _elements_of_kind(kind, model)}, kind
-    message = f"`{attribute.target}` has no {what} `{name}`"
-    names = "classes" if what == "class" else "bodies" if what == "body" else f"{what}s"
-    report_fault(attribute, (message, did_you_mean(name, known, what=names), 1), report)
+        known_names, described_kind = {element.get("name") for model in models for element in _elements_of_kind(kind, model)}, kind
+    message = f"`{attribute.target}` has no {described_kind} `{name}`"
+    names = "classes" if described_kind == "class" else "bodies" if described_kind == "body" else f"{described_kind}s"
+    report_fault(attribute, (message, did_you_mean(name, known_names, what=names), 1), report)

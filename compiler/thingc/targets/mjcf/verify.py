@@ -21,7 +21,7 @@ from thingc.geometry.store.local import Store
 from thingc.model.robot.types import Robot
 from thingc.targets.geometry import Geometry, MeshAsset
 from thingc.targets.mjcf import elements, initial_state_checks
-from thingc.targets.mjcf.accepted_models import AcceptedModels, about_meshes, box_bytes, mesh_bytes, mujoco_version
+from thingc.targets.mjcf.accepted_models import AcceptedModels, box_bytes, changes_meshes, mesh_bytes, mujoco_version
 from thingc.targets.xml_writer import Element, RawValue, XmlText, write
 
 MAX_MESH_BYTES = 20_000_000
@@ -77,7 +77,7 @@ def check(candidates: Sequence[Candidate], geometry: Geometry, store: Store, rep
     states: dict[str, initial_state_checks.InitialState] = {}
     verified: set[str] = set()
     true_meshes = {shape.mesh for each in geometry.shapes for shape in each.collision if shape.mesh is not None}
-    unreduced = any(about_meshes(each.root) for each in pending)
+    unreduced = any(changes_meshes(each.root) for each in pending)
     replacements = [] if unreduced or not pending else _check_meshes_separately(accepted, true_meshes if representatives else ())
     checked_modes = {each.mode for each in representatives.values()}
     for candidate, result, files in _compile_scenes(pending, accepted, checked_modes, true_meshes, verified, replacements):
@@ -234,7 +234,7 @@ def find_unverified(
     accepted = AcceptedModels(store, mujoco_version(), meshes)
     if starts and similar:
         similar = [candidate for candidate in similar if accepted.start(initial_state_checks.key(candidate.model.text, candidate.robot))]
-    similar = [candidate for candidate in similar if not about_meshes(candidate.root)]
+    similar = [candidate for candidate in similar if not changes_meshes(candidate.root)]
     if not similar:
         return list(candidates)
     files = memo("mujoco files", lambda _: in_memory(accepted.data(())), tuple(meshes))

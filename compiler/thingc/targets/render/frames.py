@@ -29,7 +29,7 @@ JOINT, INK = (214, 98, 0), (24, 28, 36)
 
 LENGTH = 0.075
 """Length of a frame axis, relative to the height of the visible scene."""
-FINER = 3
+SUPERSAMPLING = 3
 """Supersampling factor that makes lines smooth."""
 ARC = math.radians(280.0)
 """Angle of the curved arrow around the axis of a rotating joint."""
@@ -84,16 +84,16 @@ def length_of(points: Array, camera: Camera) -> float:
 def arrows_of(mark: Mark, data: Any, length: float) -> list[Array]:
     """Return the arrows of a frame or a joint axis as points (n, 3) [m] in the world."""
     body = data.body(mark.body)
-    turned = body.xmat.reshape(3, 3)
-    rotation, origin = turned @ np.array(mark.pose.rotation), body.xpos + turned @ np.array(mark.pose.translation)
+    body_rotation = body.xmat.reshape(3, 3)
+    rotation, origin = body_rotation @ np.array(mark.pose.rotation), body.xpos + body_rotation @ np.array(mark.pose.translation)
     return [origin + (length * stroke.points) @ rotation.T for stroke in mark.strokes]
 
 
 def draw_marks(image: Any, marks: Sequence[Mark], data: Any, camera: Camera, length: float) -> Any:
     """Draw frames and joint axes on an image, in the order of `marks`. The image is an array (height, width, 3) of bytes."""
     height, width = image.shape[:2]
-    scale = FINER * max(1.0, height / 720.0)
-    sheet = Image.new("RGBA", (width * FINER, height * FINER), (255, 255, 255, 0))
+    scale = SUPERSAMPLING * max(1.0, height / 720.0)
+    sheet = Image.new("RGBA", (width * SUPERSAMPLING, height * SUPERSAMPLING), (255, 255, 255, 0))
     pen = ImageDraw.Draw(sheet)
     half = np.array([sheet.width, sheet.height]) / 2.0
     lines = [
@@ -102,15 +102,15 @@ def draw_marks(image: Any, marks: Sequence[Mark], data: Any, camera: Camera, len
     ]
     for colour, widening in ((None, 2.0 * scale), (True, 0.0)):
         for strokes in lines:
-            for own, points in strokes:
-                _arrow(pen, points, own if colour else (255, 255, 255), 2.2 * scale + widening, scale)
+            for arrow_colour, points in strokes:
+                _arrow(pen, points, arrow_colour if colour else (255, 255, 255), 2.2 * scale + widening, scale)
     font = ImageFont.load_default(size=13.0 * scale)
-    taken = [_box(points, 2.0 * scale) for strokes in lines for _, whole in strokes for points in _pieces(whole)]
+    occupied = [_box(points, 2.0 * scale) for strokes in lines for _, line in strokes for points in _pieces(line)]
     for mark, strokes in zip(marks, lines):
         origin = strokes[0][1][mark.place]
         text = pen.textbbox((0.0, 0.0), mark.label, font=font)
-        box = _free(origin, (text[2] + 4.0 * scale, text[3] + 2.0 * scale), taken, (sheet.width, sheet.height), scale)
-        taken.append(box)
+        box = _place_label(origin, (text[2] + 4.0 * scale, text[3] + 2.0 * scale), occupied, (sheet.width, sheet.height), scale)
+        occupied.append(box)
         middle = np.array([(box[0] + box[2]) / 2.0, (box[1] + box[3]) / 2.0])
         near = np.clip(origin, box[:2], box[2:])
         if float(np.linalg.norm(near - origin)) > 9.0 * scale:
@@ -119,25 +119,25 @@ def draw_marks(image: Any, marks: Sequence[Mark], data: Any, camera: Camera, len
             tuple(middle), mark.label, font=font, fill=mark.ink, anchor="mm", stroke_width=round(1.6 * scale), stroke_fill=(255, 255, 255),
         )
     small = sheet.resize((width, height), Image.Resampling.BOX)
-    whole = Image.alpha_composite(Image.fromarray(image).convert("RGBA"), small)
-    return np.asarray(whole.convert("RGB"))
+    line = Image.alpha_composite(Image.fromarray(image).convert("RGBA"), small)
+    return np.asarray(line.convert("RGB"))
 
 
 def _arrow(pen: Any, points: Array, colour: Colour, width: float, scale: float) -> None:
     """Draw a line with an arrowhead, or a dot if the line points at the camera."""
     end = points[-1]
-    far = [point for point in points[:-1] if float(np.linalg.norm(point - end)) > 4.0 * scale]
-    if not far:
+    distant = [point for point in points[:-1] if float(np.linalg.norm(point - end)) > 4.0 * scale]
+    if not distant:
         pen.ellipse([*(end - width), *(end + width)], fill=colour)
         return
-    along = (end - far[-1]) / np.linalg.norm(end - far[-1])
+    along = (end - distant[-1]) / np.linalg.norm(end - distant[-1])
     across = np.array([-along[1], along[0]])
     head = 4.0 * scale + width
     base = end - head * along
     shaft = [tuple(point) for point in points[:-1]] + [tuple(base)]
     pen.line(shaft, fill=colour, width=round(width), joint="curve")
-    wide = 0.45 * head * across
-    pen.polygon([tuple(end + 0.3 * head * along), tuple(base + wide), tuple(base - wide)], fill=colour)
+    half_width = 0.45 * head * across
+    pen.polygon([tuple(end + 0.3 * head * along), tuple(base + half_width), tuple(base - half_width)], fill=colour)
 
 
 Box = tuple[float, float, float, float]
@@ -147,8 +147,8 @@ def _pieces(points: Array) -> Iterator[Array]:
     """Split a line into short pieces, so that the bounding box of each piece contains little more than the line."""
     for start, end in zip(points, points[1:]):
         steps = np.linspace(0.0, 1.0, 7 if len(points) == 2 else 2)[:, None]
-        whole = start + steps * (end - start)
-        yield from (whole[k : k + 2] for k in range(len(whole) - 1))
+        positions = start + steps * (end - start)
+        yield from (positions[k : k + 2] for k in range(len(positions) - 1))
 
 
 def _box(points: Array, margin: float) -> Box:
@@ -156,14 +156,14 @@ def _box(points: Array, margin: float) -> Box:
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
-def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet: tuple[int, int], scale: float) -> Box:
-    """Return a free rectangle for the name of a frame. The result is the free rectangle that is nearest to the origin of the frame in the
-    picture.
+def _place_label(origin: Array, size: tuple[float, float], occupied: Sequence[Box], sheet: tuple[int, int], scale: float) -> Box:
+    """Return a rectangle for a label, near the point `origin` of the picture, that does not overlap the `occupied` rectangles.
 
-    If no rectangle is free, return the rectangle that overlaps the least.
+    If no rectangle is free, return the rectangle that overlaps the least. `size` and `sheet` are the width and height of the label and of
+    the picture [px].
     """
     best: tuple[float, Box] | None = None
-    others = np.array(taken)
+    boxes = np.array(occupied)
     for ring in range(1, 12):
         for turn in range(16):
             angle = math.radians(-30.0 + 22.5 * turn)
@@ -171,7 +171,7 @@ def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet:
             middle = origin + direction * (10.0 * scale * ring + np.abs(direction) * size / 2.0)
             box = (*(middle - np.array(size) / 2.0).tolist(), *(middle + np.array(size) / 2.0).tolist())
             outside = max(0.0, -box[0], -box[1], box[2] - sheet[0], box[3] - sheet[1])
-            covered = _overlap_area(box, others) + 1e3 * outside
+            covered = _overlap_area(box, boxes) + 1e3 * outside
             if covered == 0.0:
                 return box
             if best is None or covered < best[0]:
@@ -180,8 +180,8 @@ def _free(origin: Array, size: tuple[float, float], taken: Sequence[Box], sheet:
     return best[1]
 
 
-def _overlap_area(box: Box, others: Array) -> float:
+def _overlap_area(box: Box, boxes: Array) -> float:
     """Return the total area of the overlaps between a box and other boxes (n, 4)."""
-    across = np.minimum(box[2], others[:, 2]) - np.maximum(box[0], others[:, 0])
-    down = np.minimum(box[3], others[:, 3]) - np.maximum(box[1], others[:, 1])
+    across = np.minimum(box[2], boxes[:, 2]) - np.maximum(box[0], boxes[:, 0])
+    down = np.minimum(box[3], boxes[:, 3]) - np.maximum(box[1], boxes[:, 1])
     return sum_of((across * down)[(across > 0.0) & (down > 0.0)].tolist())

@@ -78,8 +78,8 @@ def ready() -> None:
                 pass
     except Exception as fault:  # the loaders of OpenGL raise ImportError, AttributeError, RuntimeError or their own
         absent = isinstance(fault, (AttributeError, ImportError, OSError))  # PyOpenGL: None in place of the library
-        words = "the library is missing" if absent else " ".join(str(fault).split()).partition(",")[0] or type(fault).__name__
-        raise NoGraphics(f"cannot render with MUJOCO_GL={backend}: {words}", _hint(backend)) from fault
+        reason = "the library is missing" if absent else " ".join(str(fault).split()).partition(",")[0] or type(fault).__name__
+        raise NoGraphics(f"cannot render with MUJOCO_GL={backend}: {reason}", _hint(backend)) from fault
 
 
 def _has_screen() -> bool:
@@ -109,8 +109,8 @@ def picture(
 
     from thingc.targets.render import frames, studio
 
-    bare = mujoco.MjModel.from_xml_string(xml, assets)
-    points = points_of(bare, pose_model(bare, pose))
+    unlit = mujoco.MjModel.from_xml_string(xml, assets)
+    points = points_of(unlit, pose_model(unlit, pose))
     quality = studio.COARSE if math.prod(shot.size) <= FEW_PIXELS else studio.FINE
     model = studio.model_of(xml, assets, shot.size, float(points[:, 2].min()) if len(points) else 0.0, quality)
     data = pose_model(model, pose)
@@ -230,12 +230,12 @@ def small_picture(
 
     from thingc.targets.render import studio
 
-    seen = np.array(points)
-    low, high = seen.min(axis=0), seen.max(axis=0)
+    visible = np.array(points)
+    low, high = visible.min(axis=0), visible.max(axis=0)
     model = studio.model_of(xml, assets, size, float(low[2]), studio.COARSE)
     data = pose_model(model, _pose_of(model, pose))
     length = 0.75 * float(np.linalg.norm(high - low))
-    camera = camera_of(seen, (gravity[0], gravity[1], gravity[2]), Shot(size=size))
+    camera = camera_of(visible, (gravity[0], gravity[1], gravity[2]), Shot(size=size))
     return encode_png(studio.render(model, data, camera, size, (low + high) / 2.0, length, studio.COARSE))
 
 

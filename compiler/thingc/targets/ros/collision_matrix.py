@@ -29,7 +29,7 @@ from thingc.targets.xml_writer import Element, write
 SAMPLES = 10_000
 SEED = 0
 
-MEETING = "links-meeting"
+DOCUMENT_KIND = "links-meeting"
 """Kind of the JSON documents in the store that contain collision matrices."""
 
 MEMORY = 1 << 26
@@ -55,12 +55,12 @@ def adjacent(assembly: Assembly) -> frozenset[Pair]:
     return frozenset(pair_of(*(safe(assembly.links[link].name) for link in pair)) for pair in joined_links(assembly))
 
 
-def pair_of(one: str, other: str) -> Pair:
+def pair_of(first: str, second: str) -> Pair:
     """Return the names of two links as a sorted pair."""
-    return (one, other) if one < other else (other, one)
+    return (first, second) if first < second else (second, first)
 
 
-def meetings(
+def collision_matrix(
     tree: Element, meshes: str, assets: Sequence[MeshAsset], starts: Mapping[str, Mapping[str, float]], neighbours: Collection[Pair],
     store: Store,
 ) -> CollisionMatrix:
@@ -70,29 +70,29 @@ def meetings(
     of q by joint. `neighbours` contains the pairs of links that are ignored. Raises `ValueError` if MuJoCo does not accept the shapes of
     the links.
     """
-    bare, needed = _collisions_only(tree, meshes)
-    used = {mesh.file: mesh for mesh in assets if mesh.file in needed}
-    text = write(bare, "What collides.").text
-    said = [mujoco_version(), SAMPLES, SEED, text, {file: mesh.mesh.sha256 for file, mesh in used.items()}, starts, sorted(neighbours)]
-    key = hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
-    known = store.get_json(MEETING, key)
-    if known is None:
+    collision_tree, mesh_files = _collisions_only(tree, meshes)
+    used = {mesh.file: mesh for mesh in assets if mesh.file in mesh_files}
+    text = write(collision_tree, "What collides.").text
+    inputs = [mujoco_version(), SAMPLES, SEED, text, {file: mesh.mesh.sha256 for file, mesh in used.items()}, starts, sorted(neighbours)]
+    key = hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
+    result = store.get_json(DOCUMENT_KIND, key)
+    if result is None:
         import mujoco
 
         try:
-            sampler = _Sampler(text, {file: store.read(mesh.mesh.sha256) for file, mesh in used.items()}, bare, neighbours)
+            sampler = _Sampler(text, {file: store.read(mesh.mesh.sha256) for file, mesh in used.items()}, collision_tree, neighbours)
             counts = sampler.counts()
-            at = {name: sampler.at(q) for name, q in starts.items()}
+            by_configuration = {name: sampler.at(q) for name, q in starts.items()}
         except mujoco.FatalError as fault:
             raise ValueError(str(fault)) from None
-        known = {
+        result = {
             "samples": sampler.samples, "counts": [[*pair, count] for pair, count in sorted(counts.items())],
-            "at": {name: sorted(pairs) for name, pairs in at.items()},
+            "at": {name: sorted(pairs) for name, pairs in by_configuration.items()},
         }
-        store.put_json(MEETING, key, known)
+        store.put_json(DOCUMENT_KIND, key, result)
     return CollisionMatrix(
-        samples=known["samples"], counts={(one, other): count for one, other, count in known["counts"]},
-        at={name: frozenset((one, other) for one, other in pairs) for name, pairs in known["at"].items()},
+        samples=result["samples"], counts={(first, second): count for first, second, count in result["counts"]},
+        at={name: frozenset((first, second) for first, second in pairs) for name, pairs in result["at"].items()},
     )
 
 
@@ -101,22 +101,22 @@ def _collisions_only(tree: Element, meshes: str) -> tuple[Element, set[str]]:
 
     The masses and joint limits of this copy are arbitrary. Floating joints are fixed.
     """
-    bare = Element(tag="robot", attributes=tree.attributes)
+    collision_tree = Element(tag="robot", attributes=tree.attributes)
     compiler = {"fusestatic": "false", "strippath": "false", "meshdir": "", "boundmass": "1", "boundinertia": "1", "balanceinertia": "true"}
-    bare.add("mujoco").add("compiler", compiler)
+    collision_tree.add("mujoco").add("compiler", compiler)
     files: set[str] = set()
     for element in tree.children:
         if element.tag == "joint":
             kind = {"type": "fixed"} if element.get("type") == "floating" else {}
-            bare.children.append(Element(tag="joint", attributes={**element.attributes, **kind}, children=[
+            collision_tree.children.append(Element(tag="joint", attributes={**element.attributes, **kind}, children=[
                 child for child in element.children if child.tag in ("origin", "parent", "child", "axis", "limit", "mimic")
             ]))
         elif element.tag == "link":
-            link = bare.add("link", element.attributes)
+            link = collision_tree.add("link", element.attributes)
             for collision in element.children:
                 if collision.tag == "collision":
                     link.children.append(_rename_meshes(collision, f"{meshes}/", files))
-    return bare, files
+    return collision_tree, files
 
 
 def _rename_meshes(collision: Element, prefix: str, files: set[str]) -> Element:
@@ -134,9 +134,10 @@ def _rename_meshes(collision: Element, prefix: str, files: set[str]) -> Element:
 
 
 class _Sampler:
-    """Searches for collisions in random configurations of a MuJoCo model.
+    """Searches for collisions in configurations of a MuJoCo model.
 
-    The object stores the addresses of the independent joints and of the mimic joints.
+    `free` contains the independent joints. Each entry k of qpos is `multiplier[k] * q[leader[k]] + offset[k]`, where q contains the
+    positions of the independent joints.
     """
 
     def __init__(self, text: str, assets: Mapping[str, bytes], tree: Element, neighbours: Collection[Pair]) -> None:
@@ -144,55 +145,55 @@ class _Sampler:
         spec = mujoco.MjSpec.from_string(text, assets=dict(assets))
         for mesh in spec.meshes:
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
-        for one, other in neighbours:
-            spec.add_exclude(bodyname1=one, bodyname2=other)
+        for first, second in neighbours:
+            spec.add_exclude(bodyname1=first, bodyname2=second)
         spec.memory = MEMORY
         self.model: Any = spec.compile()
         self.data: Any = mujoco.MjData(self.model)
-        moving = {one.get("name"): one for one in tree.children if one.tag == "joint" and one.get("type") != "fixed"}
+        moving = {first.get("name"): first for first in tree.children if first.tag == "joint" and first.get("type") != "fixed"}
         self.free = {name: joint for name, joint in moving.items() if joint.find("mimic") is None}
         columns = {name: column for column, name in enumerate(self.free)}
         self.leader, self.multiplier, self.offset = (np.zeros(self.model.nq, dtype=kind) for kind in (int, float, float))
         for name, joint in moving.items():
             mimic = joint.find("mimic")
-            said = mimic.texts if mimic is not None else {"joint": name, "multiplier": "1", "offset": "0"}
+            mimic_values = mimic.texts if mimic is not None else {"joint": name, "multiplier": "1", "offset": "0"}
             address = self.model.joint(name).qposadr[0]
-            self.leader[address] = columns[said["joint"]]
-            self.multiplier[address], self.offset[address] = float(said["multiplier"]), float(said["offset"])
+            self.leader[address] = columns[mimic_values["joint"]]
+            self.multiplier[address], self.offset[address] = float(mimic_values["multiplier"]), float(mimic_values["offset"])
         self.samples = SAMPLES if self.free else 1
 
     def counts(self) -> dict[Pair, int]:
         """Return the number of configurations in which each pair of links collides. Independent joints are sampled between their limits."""
-        drawn = np.random.Generator(np.random.PCG64(SEED)).random((self.samples, len(self.free)))
-        ends = np.array([self._ends(joint) for joint in self.free.values()]).reshape(-1, 2)
-        return self._meeting(ends[:, 0] + drawn * (ends[:, 1] - ends[:, 0]))
+        samples = np.random.Generator(np.random.PCG64(SEED)).random((self.samples, len(self.free)))
+        limits = np.array([self._sampled_range(joint) for joint in self.free.values()]).reshape(-1, 2)
+        return self._count_collisions(limits[:, 0] + samples * (limits[:, 1] - limits[:, 0]))
 
     def at(self, q: Mapping[str, float]) -> Collection[Pair]:
         """Return the pairs of links that collide in one configuration. `q` contains the values of the joints, by name."""
-        return self._meeting(np.array([[q[name] for name in self.free]])).keys()
+        return self._count_collisions(np.array([[q[name] for name in self.free]])).keys()
 
-    def _meeting(self, q: NDArray[np.float64]) -> dict[Pair, int]:
+    def _count_collisions(self, q: NDArray[np.float64]) -> dict[Pair, int]:
         """Count the configurations in which each pair of links collides.
 
         `q` is an array `(n, independent joints)` with one configuration in each row.
         """
         import mujoco
-        met: list[tuple[int, NDArray[np.int32]]] = []
+        collisions: list[tuple[int, NDArray[np.int32]]] = []
         for number, position in enumerate(q[:, self.leader] * self.multiplier + self.offset if self.free else q):
             self.data.qpos[:] = position
             mujoco.mj_kinematics(self.model, self.data)
             mujoco.mj_collision(self.model, self.data)
             if self.data.ncon:
-                met.append((number, np.sort(self.model.geom_bodyid[self.data.contact.geom], axis=1)))
-        if not met:
+                collisions.append((number, np.sort(self.model.geom_bodyid[self.data.contact.geom], axis=1)))
+        if not collisions:
             return {}
-        numbers = np.repeat([number for number, _ in met], [len(bodies) for _, bodies in met])
-        once = np.unique(np.column_stack([numbers, np.concatenate([bodies for _, bodies in met])]), axis=0)
-        pairs, counts = np.unique(once[:, 1:], axis=0, return_counts=True)
-        named = [pair_of(*(self.model.body(int(body)).name for body in pair)) for pair in pairs]
-        return {pair: int(count) for pair, count in zip(named, counts, strict=True)}
+        numbers = np.repeat([number for number, _ in collisions], [len(bodies) for _, bodies in collisions])
+        distinct = np.unique(np.column_stack([numbers, np.concatenate([bodies for _, bodies in collisions])]), axis=0)
+        pairs, counts = np.unique(distinct[:, 1:], axis=0, return_counts=True)
+        names = [pair_of(*(self.model.body(int(body)).name for body in pair)) for pair in pairs]
+        return {pair: int(count) for pair, count in zip(names, counts, strict=True)}
 
-    def _ends(self, joint: Element) -> tuple[float, float]:
+    def _sampled_range(self, joint: Element) -> tuple[float, float]:
         """Return the range [rad or m] in which a joint is sampled.
 
         A rotating joint without limits is sampled over one full turn. A sliding joint without limits is sampled over the size of the

@@ -15,7 +15,7 @@ from thingc.targets.geometry import Geometry, collect_geometry
 from thingc.targets.name_mangling import package_name, safe
 from thingc.targets.request import EmitRequest
 from thingc.targets.ros.capabilities import CAPABILITIES
-from thingc.targets.ros.collision_matrix import CollisionMatrix, adjacent, meetings
+from thingc.targets.ros.collision_matrix import CollisionMatrix, adjacent, collision_matrix
 from thingc.targets.ros.control import controllers, controllers_yaml, ros2_control
 from thingc.targets.ros.joints import start, values
 from thingc.targets.ros.rviz import frame_of, launch_file, rviz_config
@@ -43,7 +43,7 @@ def emit(request: EmitRequest) -> Artifacts:
     document = assembly.definition.document
     said = heading(document)
     trees = [model(robot, shapes, request.report, uri) for robot in robots]
-    raw.lay(assembly, robots, "urdf", trees, request.report)
+    raw.apply_raw(assembly, robots, "urdf", trees, request.report)
     touching = _touching(request, shapes)
     met, unmet = _meetings(request, trees, shapes, uri) if len(touching) > 1 else ({}, [])
     files: dict[str, Content] = {f"{MESHES}/{file}": stored for file, stored in shapes.assets.items()}
@@ -88,7 +88,7 @@ def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri:
         first, tree = group[0]
         starts = {robot.mode.name: values(first, start(robot)) for robot, _ in group}
         try:
-            met = meetings(tree, uri, shapes.meshes, starts, adjacent(request.assembly), request.store)
+            met = collision_matrix(tree, uri, shapes.meshes, starts, adjacent(request.assembly), request.store)
         except ValueError:
             what = "disabled collisions: MuJoCo cannot read the shapes of the links"
             lost += [Loss("ros", robot.mode.name, robot.mode.name, what, "omitted", robot.mode.origin) for robot, _ in group]

@@ -33,10 +33,10 @@ class Group(FrozenStruct):
     origin: Origin
 
 
-def srdf(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | None, report: Report) -> Element:
+def srdf(robot: Robot, touching: frozenset[str], collisions: CollisionMatrix | None, report: Report) -> Element:
     """Create the `<robot>` element of the SRDF file of a mode.
 
-    `touching` contains the names of the links that have collision shapes. `meetings` is the collision matrix of these links, or None if it
+    `touching` contains the names of the links that have collision shapes. `collisions` is the collision matrix of these links, or None if it
     is unknown. If two groups have the same name, an error is reported.
     """
     root = Element(tag="robot", attributes={"name": robot.assembly.name}, origin=robot.mode.origin)
@@ -62,7 +62,7 @@ def srdf(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | Non
     for joint in moving:
         if joint.drive is None and not joint.follows:
             root.add("passive_joint", {"name": joint.name}, joint.move.joint.origin)
-    for one, other, reason in _unchecked_pairs(robot, touching, meetings):
+    for one, other, reason in _unchecked_pairs(robot, touching, collisions):
         root.add("disable_collisions", {"link1": one, "link2": other, "reason": reason})
     return root
 
@@ -104,7 +104,7 @@ def _exported_mounts(robot: Robot) -> Iterator[Site]:
             yield site
 
 
-def _unchecked_pairs(robot: Robot, touching: frozenset[str], meetings: CollisionMatrix | None) -> Iterator[tuple[str, str, str]]:
+def _unchecked_pairs(robot: Robot, touching: frozenset[str], collisions: CollisionMatrix | None) -> Iterator[tuple[str, str, str]]:
     """Yield the pairs of links that MoveIt does not need to check for collisions. Each pair has a reason in the terms of MoveIt's setup
     assistant.
 
@@ -119,11 +119,11 @@ def _unchecked_pairs(robot: Robot, touching: frozenset[str], meetings: Collision
             yield one, other, "Adjacent"
         elif pair in own:
             yield one, other, "User"
-        elif meetings is None or carrier[one] != carrier[other]:
+        elif collisions is None or carrier[one] != carrier[other]:
             continue
-        elif pair in meetings.at[mode.name]:
+        elif pair in collisions.at[mode.name]:
             yield one, other, "Default"
-        elif meetings.counts.get(pair, 0) >= ALWAYS * meetings.samples:
+        elif collisions.counts.get(pair, 0) >= ALWAYS * collisions.samples:
             yield one, other, "Always"
-        elif pair not in meetings.counts:
+        elif pair not in collisions.counts:
             yield one, other, "Never"

@@ -31,21 +31,21 @@ def emit(request: EmitRequest) -> Artifacts:
     shapes, flat = collect_geometry(assembly, "sdf", f"sdf/{assembly.name}_MODE/{MESHES}", request.report)
     meshes = {f"{MESHES}/{file}": stored for file, stored in shapes.assets.items()}
     files: dict[str, Content] = {}
-    lost = dict.fromkeys((*flat, *losses("sdf", CAPABILITIES, assembly, request.robots, cut=True)))
+    all_losses = dict.fromkeys((*flat, *losses("sdf", CAPABILITIES, assembly, request.robots, cut=True)))
     zeros = [zero_state(robot) for robot in request.robots]
-    made = [model(robot, shapes, zero, request.report) for robot, zero in zip(request.robots, zeros, strict=True)]
-    models = [written for written, _ in made]
-    lost |= dict.fromkeys(loss for _, renamed in made for loss in renamed)
-    raw.lay(assembly, request.robots, "sdf", models, request.report)
+    models_and_losses = [model(robot, shapes, zero, request.report) for robot, zero in zip(request.robots, zeros, strict=True)]
+    models = [element for element, _ in models_and_losses]
+    all_losses |= dict.fromkeys(loss for _, renamed in models_and_losses for loss in renamed)
+    raw.apply_raw(assembly, request.robots, "sdf", models, request.report)
     for robot, zero, tree in zip(request.robots, zeros, models, strict=True):
         name = f"{assembly.name}_{robot.mode.name}"
-        said = heading(assembly.definition.document, robot.mode.name)
-        files[f"sdf/{name}/model.sdf"] = write(tree, said).text.encode()
-        files[f"sdf/{name}/model.config"] = write(config(name, tree.get("version"), said), said).text.encode()
-        files[f"sdf/world_{robot.mode.name}.sdf"] = write(world(robot, name), said).text.encode()
+        header = heading(assembly.definition.document, robot.mode.name)
+        files[f"sdf/{name}/model.sdf"] = write(tree, header).text.encode()
+        files[f"sdf/{name}/model.config"] = write(config(name, tree.get("version"), header), header).text.encode()
+        files[f"sdf/world_{robot.mode.name}.sdf"] = write(world(robot, name), header).text.encode()
         files |= {f"sdf/{name}/{path}": content for path, content in meshes.items()}
-        lost |= dict.fromkeys(_losses_of_mode(robot, zero))
-    return Artifacts(files=dict(sorted(files.items())), losses=tuple(lost))
+        all_losses |= dict.fromkeys(_losses_of_mode(robot, zero))
+    return Artifacts(files=dict(sorted(files.items())), losses=tuple(all_losses))
 
 
 def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
@@ -56,8 +56,8 @@ def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
     """
     mode = robot.mode
     for connection in connections(robot, CAPABILITIES["loops"], closed=zero.closed):
-        yield from _of_joint(connection, len(chain(connection, zero.q)))
-    yield from _of_sensors(robot)
+        yield from _joint_losses(connection, len(chain(connection, zero.q)))
+    yield from _sensor_losses(robot)
     if zero.pose is not None:
         what = f"the zero pose: joint positions of 0 in the file mean the pose `{zero.pose}`, in which all loops are closed"
         yield Loss("sdf", mode.name, mode.name, what, "approximated", mode.origin)
@@ -66,7 +66,7 @@ def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
         yield Loss("sdf", mode.name, closure.path, f"{what}: the mode has no pose in which it is closed", "omitted", closure.origin)
 
 
-def _of_joint(connection: Connection, number: int) -> Iterator[Loss]:
+def _joint_losses(connection: Connection, number: int) -> Iterator[Loss]:
     """Yield the export losses of a joint of the document that is written as `number` SDF joints.
 
     Joints that represent a base or a hold have no export losses.
@@ -74,16 +74,17 @@ def _of_joint(connection: Connection, number: int) -> Iterator[Loss]:
     if number > 1 and connection.joints:
         yield Loss("sdf", None, connection.path, "the excluded contact between the links of this joint", "omitted", connection.origin)
     for joint in (joint for joint in connection.joints[:1] if joint.kind.at_once):
-        of = joint.dynamics
+        dynamics = joint.dynamics
         for name, value, unit in (
-            ("damping", of.damping, "N m s/rad"), ("friction", of.friction, "N m"), ("stiffness", of.stiffness, "N m/rad"),
+            ("damping", dynamics.damping, "N m s/rad"), ("friction", dynamics.friction, "N m"),
+            ("stiffness", dynamics.stiffness, "N m/rad"),
         ):
             if value:
                 what = f"the {name} of {value:.6g} {unit}: not supported by SDF for ball joints"
                 yield Loss("sdf", None, connection.path, what, "omitted", joint.origin)
 
 
-def _of_sensors(robot: Robot) -> Iterator[Loss]:
+def _sensor_losses(robot: Robot) -> Iterator[Loss]:
     mode = robot.mode.name
     for sensor in robot.assembly.sensors:
         if sensor.kind == "force" and on_free_root(robot, sensor):
@@ -151,14 +152,14 @@ def world(robot: Robot, folder: str) -> Element:
     _floor(element, "floor" if robot.assembly.name != "floor" else "ground")
     include = element.add("include")
     include.add_text("uri", f"model://{folder}")
-    lift = _lift(robot)
-    if lift:
-        include.add_text("pose", (0.0, 0.0, lift, 0.0, 0.0, 0.0))
+    height = _start_height(robot)
+    if height:
+        include.add_text("pose", (0.0, 0.0, height, 0.0, 0.0, 0.0))
     return root
 
 
-def _lift(robot: Robot) -> float:
-    """Return the height [m] by which a floating robot must be lifted. At this height, no part is below the floor if all joints are at 0."""
+def _start_height(robot: Robot) -> float:
+    """Return the height [m] at which a robot with a free base starts, so that no part is below the floor with all joints at 0."""
     box = bounds(*placements(robot)) if robot.base == "free" and not robot.closures else None
     return 0.0 if box is None else numeric.maximum(0.0, -box[0][2])
 

@@ -108,9 +108,7 @@ def _single(path: str, joint: TreeJoint | JointEdge, twist: Twist) -> UsdJoint:
 
 
 def _generic(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequence[Twist]) -> Iterator[UsdJoint]:
-    """Yield the generic USD joints for a joint with several coordinates. If a slide comes after a rotation about another axis, several
-    joints are needed.
-    """
+    """Yield the USD joints for a joint with several coordinates. A slide after a rotation about another axis begins a new USD joint."""
     groups: list[list[int]] = [[]]
     for k, twist in enumerate(twists):
         if not twist.turns and any(twists[other].turns and not _parallel(twists[other].axis, twist.axis) for other in groups[-1]):
@@ -128,12 +126,12 @@ def _several(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequenc
     anchor = next((twist.anchor for twist in twists if twist.turns), twists[0].anchor)
     directions: list[Vector] = []
     for twist in twists:
-        if not any(_parallel(twist.axis, one) for one in directions):
+        if not any(_parallel(twist.axis, direction) for direction in directions):
             directions.append(twist.axis)
     letters = LETTERS[len(directions)]
     freedoms = []
     for joint, twist in zip(joints, twists, strict=True):
-        letter = next(letter for letter, one in zip(letters, directions, strict=True) if _parallel(twist.axis, one))
+        letter = next(letter for letter, direction in zip(letters, directions, strict=True) if _parallel(twist.axis, direction))
         freedoms.append(Freedom(name=f"{'rot' if twist.turns else 'trans'}{letter}", joint=joint))
         if twist.pitch:
             freedoms.append(Freedom(name=f"trans{letter}", joint=joint, ratio=twist.pitch))
@@ -154,10 +152,10 @@ def _parallel(a: Vector, b: Vector) -> bool:
 
 
 class MimicJoint(FrozenStruct):
-    """A mimic joint that Newton's schema can express: it and the independent joint `leader` have one coordinate of the same kind.
+    """A mimic joint that Newton's schema can express, because it has one coordinate of the same kind as its independent joint `leader`.
 
-    The mimic joint follows the leader: q = offset + multiplier q(leader) [rad or m]. `reach` is the range that is computed from the
-    leader's limits. `reach` is None if the leader does not have both limits.
+    The mimic joint follows the leader: q = offset + multiplier q(leader) [rad or m]. `reach` is the range of q that results from the limits
+    of the leader, or None if the leader does not have both limits.
     """
 
     leader: str
@@ -185,5 +183,5 @@ def followers(robot: Robot) -> dict[str, MimicJoint]:
 def _reach(limit: Limit, multiplier: float, offset: float) -> tuple[float, float] | None:
     if limit.lower is None or limit.upper is None:
         return None
-    one, other = (offset + multiplier * end for end in (limit.lower, limit.upper))
-    return min(one, other), max(one, other)
+    first, second = (offset + multiplier * end for end in (limit.lower, limit.upper))
+    return min(first, second), max(first, second)

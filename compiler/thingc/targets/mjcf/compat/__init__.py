@@ -38,14 +38,14 @@ def adapt_models(
     """
     losses: dict[Loss, None] = {}
     refused: dict[tuple[str, Refusal], list[str]] = {}
-    made = [root.copy() for root in roots] if names else list(roots)
+    adapted = [root.copy() for root in roots] if names else list(roots)
     for consumer in CONSUMERS:
-        for robot, root in zip(robots, made, strict=True) if consumer.name in names else ():
-            losses |= dict.fromkeys(consumer.suit(robot, root))
-            for refusal in dict.fromkeys(consumer.refuses(robot, root)):
+        for robot, root in zip(robots, adapted, strict=True) if consumer.name in names else ():
+            losses |= dict.fromkeys(consumer.adapt(robot, root))
+            for refusal in dict.fromkeys(consumer.find_refusals(robot, root)):
                 refused.setdefault((consumer.label, refusal), []).append(robot.mode.name)
     for (label, one), modes in refused.items():
         which = f"mode{'' if len(modes) == 1 else 's'} {', '.join(f'`{mode}`' for mode in modes)}"
         message = f"{label} cannot load {which}: {one.what}"
         report.warn(Code.COMPAT, message, one.origin, path=one.path, help=one.hint, allow=True)
-    return made, losses
+    return adapted, losses

@@ -27,22 +27,21 @@ class Consumer(FrozenStruct):
     """A program that reads MJCF. `name` is its name in `compat`, `label` is its display name, and `version` is the version that was
     examined.
 
-    The function `suit` adapts the tree of a model, and yields the differences from the document as losses. No other consumer uses this
-    tree. The function `refuses` yields every feature that the consumer still does not support. By default, both yield nothing.
+    `adapt(robot, root)` changes the MJCF tree `root` of a mode, and yields the differences from the document as export losses. Then
+    `find_refusals(robot, root)` yields the features that the consumer still does not support. By default, both yield nothing.
     """
 
     name: str
     label: str
     version: str
-    suit: Callable[[Robot, Element], Iterable[Loss]] = lambda robot, root: ()
-    refuses: Callable[[Robot, Element], Iterable[Refusal]] = lambda robot, root: ()
+    adapt: Callable[[Robot, Element], Iterable[Loss]] = lambda robot, root: ()
+    find_refusals: Callable[[Robot, Element], Iterable[Refusal]] = lambda robot, root: ()
 
 
 class UnsupportedOptions(FrozenStruct):
-    """Options that a consumer does not support. Such options are solvers, and flags that must not be enabled or disabled, by their names in
-    MJCF.
+    """Options that a consumer does not support: solvers, and flags that must not be enabled or disabled, by their names in MJCF.
 
-    These options are only in a model if raw attributes set them.
+    A model contains these options only if raw attributes set them.
     """
 
     solvers: Collection[str] = ()

@@ -35,7 +35,7 @@ TURNED = ":turned"
 """Suffix of the name of an additional body that has the rotation of another body."""
 
 
-def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
+def _adapt(robot: Robot, root: Element) -> Iterator[Loss]:
     """Put each body that Drake would read incorrectly into an additional body. Yield an export loss for each feature that Drake ignores."""
     for parent in list(root.walk()):
         parent.children[:] = [_wrap_rotated(child) if _is_misread(child) else child for child in parent.children]
@@ -81,4 +81,4 @@ def _path(element: Element) -> str:
     return element.get("name", element.tag).partition(":")[0]
 
 
-DRAKE = Consumer(name="drake", label="Drake", version="Drake 1.51.1", suit=_suit)
+DRAKE = Consumer(name="drake", label="Drake", version="Drake 1.51.1", adapt=_adapt)

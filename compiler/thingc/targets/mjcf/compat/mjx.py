@@ -18,10 +18,10 @@ from thingc.targets.mjcf.compat.consumer import Consumer, Refusal, UnsupportedOp
 from thingc.targets.mjcf.compat.contact_pairs import ContactPairs, pairs
 from thingc.targets.xml_writer import Element
 
-LACKING = frozenset(map(frozenset, (("cylinder", "box"), ("cylinder", "mesh"), ("ellipsoid", "box"), ("ellipsoid", "mesh"))))
+UNSUPPORTED_PAIRS = frozenset(map(frozenset, (("cylinder", "box"), ("cylinder", "mesh"), ("ellipsoid", "box"), ("ellipsoid", "mesh"))))
 """Pairs of shapes between which MJX does not support contacts."""
 
-LACKS = UnsupportedOptions(solvers=("PGS",), enabled=("override", "energy", "fwdinv", "diagexact"))
+UNSUPPORTED = UnsupportedOptions(solvers=("PGS",), enabled=("override", "energy", "fwdinv", "diagexact"))
 
 SIDES = 20
 """Number of sides of the prism that replaces a cylinder.
@@ -32,7 +32,7 @@ With this number, the prism deviates from the cylinder by at most 1.2 % of the r
 FLUID = ("density", "viscosity", "wind")
 
 
-def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
+def _adapt(robot: Robot, root: Element) -> Iterator[Loss]:
     if robot.base == "held" and len(robot.bodies) > 1:
         what = "moving its base: MJX moves a mocap body without its children"
         yield Loss("mjcf", robot.mode.name, robot.mode.name, what, "omitted", robot.mode.origin)
@@ -44,7 +44,7 @@ def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
         yield from _adhesions(robot, root)
 
 
-def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
+def _find_refusals(robot: Robot, root: Element) -> Iterator[Refusal]:
     needed = _needed_adhesion(robot)
     if needed:
         names = " and ".join(f"`{path}`" for path in needed)
@@ -53,9 +53,9 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
             path=robot.mode.name,
             hint="exclude the mode with `--mode`, or use another root",
         )
-    yield from LACKS.refusals(root)
-    for late in (element for element in root.walk() if element.get("nsample")):
-        yield Refusal(what="it does not support delays", origin=late.origin, path=late.get("name"), hint="remove `delay`")
+    yield from UNSUPPORTED.refusals(root)
+    for delayed in (element for element in root.walk() if element.get("nsample")):
+        yield Refusal(what="it does not support delays", origin=delayed.origin, path=delayed.get("name"), hint="remove `delay`")
     option = root.find_or_empty("option")
     if option.get("integrator") == "implicitfast":
         for name in FLUID:
@@ -63,49 +63,48 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
                 raw = option.raw[name].attribute
                 what = f"it does not support `{name}` with `implicitfast`"
                 yield Refusal(what=what, origin=raw.origin, path=name, hint=f"remove `{name}`")
-    touching = list(pairs(root))
+    contacts = list(pairs(root))
     elliptic = option.get("cone") == "elliptic"
-    if elliptic and not needed and all(one.element is None for one, _ in touching):
-        said = option.raw.get("cone")
+    if elliptic and not needed and all(first.element is None for first, _ in contacts):
+        raw_cone = option.raw.get("cone")
         yield Refusal(
             what="without the floor of the scene, the model has no contacts, and MJX supports elliptic cones only with contacts",
-            origin=robot.mode.origin if said is None else said.attribute.origin, path="cone",
+            origin=robot.mode.origin if raw_cone is None else raw_cone.attribute.origin, path="cone",
             hint=f"load `scene_{robot.mode.name}.xml`, or write `cone: pyramidal` under `simulation`",
         )
-    for one, other in _distinct(touching):
-        blamed = other if one.element is None else one
+    for first, second in _distinct_pairs(contacts):
+        blamed = second if first.element is None else first
         assert blamed.element is not None
         name = blamed.element.get("name")
-        for fault, key in _faults(one, other, elliptic=elliptic):
-            owner = next((geom.element for geom in (one, other) if geom.element is not None and key in geom.element.raw), blamed.element)
+        for fault, key in _faults(first, second, elliptic=elliptic):
+            owner = next((geom.element for geom in (first, second) if geom.element is not None and key in geom.element.raw), blamed.element)
             raw_value = owner.raw.get(key)
             origin = raw_value.attribute.origin if raw_value is not None else owner.origin
             yield Refusal(what=fault, origin=origin, path=name.partition(":")[0], hint="choose another `collision`, or exclude the pair")
 
 
-def _faults(one: ContactPairs, other: ContactPairs, *, elliptic: bool) -> Iterator[tuple[str, str]]:
+def _faults(first: ContactPairs, second: ContactPairs, *, elliptic: bool) -> Iterator[tuple[str, str]]:
     """Yield the reasons why MJX rejects a contact between two geoms. Each reason includes the attribute that causes the rejection."""
-    kinds = sorted((one.type, other.type))
-    if frozenset(kinds) in LACKING:
+    kinds = sorted((first.type, second.type))
+    if frozenset(kinds) in UNSUPPORTED_PAIRS:
         yield f"it does not support contacts between {kinds[0]} and {kinds[1]}", "type"
-    if "mesh" in kinds and one.margin + other.margin:
+    if "mesh" in kinds and first.margin + second.margin:
         yield "it does not support `margin` for contacts of meshes", "margin"
-    if elliptic and _condim(one, other) == 1:
+    if elliptic and _condim(first, second) == 1:
         yield "it does not support frictionless contacts with elliptic cones", "condim"
 
 
-def _condim(one: ContactPairs, other: ContactPairs) -> int:
-    """Return the dimension of a contact (`condim`). The dimension is the value of the geom with the higher priority, or else the larger
-    value.
-    """
-    ranked = sorted(((int(geom.values.get("priority", "0")), int(geom.values.get("condim", "3"))) for geom in (one, other)), reverse=True)
+def _condim(first: ContactPairs, second: ContactPairs) -> int:
+    """Return the dimension `condim` of a contact: the value of the geom with the higher priority, or else the larger value."""
+    values = [geom.values for geom in (first, second)]
+    ranked = sorted(((int(geom.get("priority", "0")), int(geom.get("condim", "3"))) for geom in values), reverse=True)
     return ranked[0][1] if ranked[0][0] > ranked[1][0] else max(condim for _, condim in ranked)
 
 
-def _distinct(meeting: Iterable[tuple[ContactPairs, ContactPairs]]) -> Iterator[tuple[ContactPairs, ContactPairs]]:
+def _distinct_pairs(contacts: Iterable[tuple[ContactPairs, ContactPairs]]) -> Iterator[tuple[ContactPairs, ContactPairs]]:
     """Yield one pair of geoms for each reason why MJX rejects contacts."""
     kinds: dict[object, tuple[ContactPairs, ContactPairs]] = {}
-    for pair in meeting:
+    for pair in contacts:
         kinds.setdefault(tuple(map(_kind, pair)), pair)
     yield from kinds.values()
 
@@ -132,17 +131,17 @@ def _prisms(root: Element) -> Iterator[Loss]:
 
     Because prisms are meshes, other cylinders may then collide with a mesh.
     """
-    meeting = [pair for pair in pairs(root) if pair[0].element is not None]
+    contacts = [pair for pair in pairs(root) if pair[0].element is not None]
     replaced: dict[int, ContactPairs] = {}
     while True:
-        more = [
-            geom for pair in meeting for geom in pair
+        added = [
+            geom for pair in contacts for geom in pair
             if geom.type == "cylinder" and id(geom.element) not in replaced
             and any(("mesh" if id(other.element) in replaced else other.type) in ("box", "mesh") for other in pair if other is not geom)
         ]
-        if not more:
+        if not added:
             break
-        replaced |= {id(geom.element): geom for geom in more}
+        replaced |= {id(geom.element): geom for geom in added}
     sizes: dict[str, str] = {}
     for element in [element for element in root.walk() if id(element) in replaced]:
         size = replaced[id(element)].values["size"]
@@ -171,7 +170,7 @@ def _margins(root: Element) -> None:
     """Remove the margin of adhesive contacts from a model that has meshes. The margin is not needed, because MJX does not support adhesion
     actuators.
     """
-    if any("mesh" in (one.type, other.type) and one.margin + other.margin for one, other in pairs(root)):
+    if any("mesh" in (first.type, second.type) and first.margin + second.margin for first, second in pairs(root)):
         for element in root.walk():
             geom = element.find("geom") if element.get("class") == adhesion_contacts.CLASS else None
             if element.tag == "default" and geom is not None and "margin" not in geom.raw:
@@ -203,13 +202,13 @@ def _adhesions(robot: Robot, root: Element) -> Iterator[Loss]:
     section = root.find("actuator")
     if section is None or not robot.assembly.adhesions:
         return
-    kept = [place for place, element in enumerate(section.children) if element.tag != "adhesion"]
-    section.children = [section.children[place] for place in kept]
+    kept_indices = [index for index, element in enumerate(section.children) if element.tag != "adhesion"]
+    section.children = [section.children[index] for index in kept_indices]
     if not section.children:
         root.children.remove(section)
     for key in root.find_or_empty("keyframe").children:
         control = key.get("ctrl").split()
-        key.attributes["ctrl"] = " ".join(control[place] for place in kept if control)
+        key.attributes["ctrl"] = " ".join(control[index] for index in kept_indices if control)
         if not key.get("ctrl"):
             del key.attributes["ctrl"]
     for magnet in robot.assembly.adhesions:
@@ -217,4 +216,4 @@ def _adhesions(robot: Robot, root: Element) -> Iterator[Loss]:
         yield Loss("mjcf", None, magnet.path, "the adhesion, which MJX does not support", "omitted", origin)
 
 
-MJX = Consumer(name="mjx", label="MJX", version="mujoco-mjx 3.17.0", suit=_suit, refuses=_refuses)
+MJX = Consumer(name="mjx", label="MJX", version="mujoco-mjx 3.17.0", adapt=_adapt, find_refusals=_find_refusals)

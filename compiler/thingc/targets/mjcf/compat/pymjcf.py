@@ -16,7 +16,7 @@ FILES = frozenset({"file", "meshdir", "texturedir", "assetdir"})
 """Attributes whose values are file paths. In all other attributes, `/` only occurs in names."""
 
 
-def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
+def _adapt(robot: Robot, root: Element) -> Iterator[Loss]:
     renamed = False
     for element in root.walk():
         for name, value in element.attributes.items():
@@ -28,4 +28,4 @@ def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
         yield Loss("mjcf", None, robot.assembly.name, what, "approximated", robot.assembly.definition.origin)
 
 
-PYMJCF = Consumer(name="pymjcf", label="PyMJCF", version="dm_control 1.0.50", suit=_suit)
+PYMJCF = Consumer(name="pymjcf", label="PyMJCF", version="dm_control 1.0.50", adapt=_adapt)

@@ -7,6 +7,6 @@ from __future__ import annotations
 
 from thingc.targets.mjcf.compat.consumer import Consumer, UnsupportedOptions
 
-LACKS = UnsupportedOptions(solvers=("PGS",), enabled=("override", "fwdinv", "diagexact", "ipc"), disabled=("midphase", "autoreset"))
+UNSUPPORTED = UnsupportedOptions(solvers=("PGS",), enabled=("override", "fwdinv", "diagexact", "ipc"), disabled=("midphase", "autoreset"))
 
-WARP = Consumer(name="warp", label="MuJoCo Warp", version="mujoco-warp 3.17.0", refuses=lambda robot, root: LACKS.refusals(root))
+WARP = Consumer(name="warp", label="MuJoCo Warp", version="mujoco-warp 3.17.0", find_refusals=lambda _, root: UNSUPPORTED.refusals(root))
