@@ -337,7 +337,7 @@ def test_start_check_is_shared_by_similar_modes(store: Store, monkeypatch: pytes
         looked.append(robot.mode.name)
         return true(model, robot)
 
-    monkeypatch.setattr(verify.initial_state_checks, "look", looking)
+    monkeypatch.setattr(verify.initial_state_checks, "check_state", looking)
 
     def of_three(made: Made) -> list[str]:
         request = made.request(store, ("floor", "fixed"), ("wall", "fixed"), ("adrift", "free"))

@@ -114,7 +114,7 @@ def test_initial_state_check_is_repeatable(heap: Path, capsys: pytest.CaptureFix
         seen.extend(len(one.overlaps) for one in found)
         return found[0]
 
-    monkeypatch.setattr(verify.initial_state_checks, "look", twice)
+    monkeypatch.setattr(verify.initial_state_checks, "check_state", twice)
     Said(heap, capsys, monkeypatch)
     first, *others = seen
     assert first > 0 and others == [first]

@@ -36,7 +36,7 @@ class Group(FrozenStruct):
 def srdf(robot: Robot, touching: frozenset[str], collisions: CollisionMatrix | None, report: Report) -> Element:
     """Create the `<robot>` element of the SRDF file of a mode.
 
-    `touching` contains the names of the links that have collision shapes. `collisions` is the collision matrix of these links, or None if it
+    `touching` contains the names of the links that have collision shapes. `collisions` is their collision matrix, or None if it
     is unknown. If two groups have the same name, an error is reported.
     """
     root = Element(tag="robot", attributes={"name": robot.assembly.name}, origin=robot.mode.origin)
