@@ -205,7 +205,8 @@ def _report_wrong_type(
         complain(name, Code.DIMENSION, message, help=help, notes=notes)
     else:
         expected = "`true` or `false`" if isinstance(declared, bool) else "a string"
-        complain(name, Code.VALUE_KIND, f"{label} must be {expected}, found {kind_of(value)} (`{shorten(format_value(value))}`)", notes=notes)
+        found = f"{kind_of(value)} (`{shorten(format_value(value))}`)"
+        complain(name, Code.VALUE_KIND, f"{label} must be {expected}, found {found}", notes=notes)
 
 
 def _bounds(scope: Scope, spec: AssemblySpec, name: str) -> dict[str, Quantity]:
