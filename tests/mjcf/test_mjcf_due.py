@@ -33,13 +33,13 @@ def test_every_nth_model_is_verified(
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (tmp_path / "scale.yaml").write_text(DOCUMENT)
     found: list[int] = []
-    doubtful = verify.find_unverified
+    doubtful = verify.remaining
 
     def counting(candidates: Any, *arguments: Any, **named: Any) -> Any:
         found.append(len(candidates))
         return doubtful(candidates, *arguments, **named)
 
-    monkeypatch.setattr(verify, "find_unverified", counting)
+    monkeypatch.setattr(verify, "remaining", counting)
     with Session(str(tmp_path / "scale.yaml"), Options(store=shared_store)) as session:
         assert session.sources is not None, session.report.sorted_diagnostics()
         for index in range(9):

@@ -113,7 +113,7 @@ def write_build(
             new_folder = _sibling_path(folder, "new")
             try:
                 _write_files(new_folder, files, store)
-                _exchange_folders(new_folder, folder, document, files, digests, overwritable=unexpected.names)
+                _swap_folders(new_folder, folder, document, files, digests, overwritable=unexpected.names)
             finally:
                 _delete(new_folder)
     except OSError as fault:
@@ -388,31 +388,29 @@ def _write_files(folder: str, files: Mapping[str, Content], store: Blobs | None)
                 os.fsync(stream.fileno())
 
 
-def _exchange_folders(
-    new_folder: str, folder: str, document: str, also: Collection[str], digests: Digests, *, overwritable: Collection[str],
-) -> None:
-    """Replace the build folder `folder` by the folder `new_folder`, and delete the old build.
+def _swap_folders(new: str, folder: str, document: str, also: Collection[str], digests: Digests, *, overwritable: Collection[str]) -> None:
+    """Replace the build folder `folder` by the folder `new`, and delete the old build.
 
     If the old build contains unexpected files that are not in `overwritable`, because they were changed in the meantime, restore the old
     build and raise `UnexpectedFilesError`.
     """
     if not os.path.lexists(folder):
-        os.rename(new_folder, folder)
+        os.rename(new, folder)
         return
-    old_folder = new_folder
+    old_folder = new
     try:
-        exchange(new_folder, folder)
+        exchange(new, folder)
     except NotImplementedError:
         old_folder = _sibling_path(folder, "old")
         os.rename(folder, old_folder)
-        os.rename(new_folder, folder)
+        os.rename(new, folder)
     unexpected = unexpected_files(old_folder, document, also=also, known=digests)
     if set(unexpected.names) - set(overwritable):
-        if old_folder != new_folder:
-            os.rename(folder, new_folder)
+        if old_folder != new:
+            os.rename(folder, new)
             os.rename(old_folder, folder)
         else:
-            exchange(new_folder, folder)
+            exchange(new, folder)
         raise _unexpected_error(folder, unexpected, document)
     _delete(old_folder)
 

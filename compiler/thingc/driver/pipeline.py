@@ -66,11 +66,10 @@ def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
     """
     from thingc.documents.workspace import CONSUMERS
 
-    requested = [program for program in (names.split(",") if isinstance(names, str) else names) if program]
-    for program in requested:
-        if program not in CONSUMERS:
-            help = did_you_mean(program, CONSUMERS, what="programs")
-            raise UnknownChoice(f"MuJoCo models are not written for `{abbreviate(program)}`", help)
+    requested = [item for item in (names.split(",") if isinstance(names, str) else names) if item]
+    for item in requested:
+        if item not in CONSUMERS:
+            raise UnknownChoice(f"MuJoCo models are not written for `{abbreviate(item)}`", did_you_mean(item, CONSUMERS, what="programs"))
     return tuple(name for name in CONSUMERS if name in requested)
 
 

@@ -74,8 +74,7 @@ class SettingsReader:
             vector, _, index = name.rpartition(".")
             if index.isdecimal() and current == Quantity(0.0):  # a bare 0 has the kind of the other elements of the vector
                 elements = (self._value_at(f"{vector}.{axis}") for axis in "012")
-                quantities = (value for value in elements if isinstance(value, Quantity) and value.dimension != NUMBER)
-                self._kinds[name] = next(quantities, current)
+                self._kinds[name] = next((item for item in elements if isinstance(item, Quantity) and item.dimension != NUMBER), current)
         return self._kinds[name]
 
     def _value_at(self, path: str) -> ExpressionValue | None:
@@ -214,16 +213,14 @@ class SettingsReader:
                     texts[name] = value
         return texts
 
-    def settings(
-        self, parsed: ParsedSettings, units: Mapping[str, str] | None = None, original_texts: Mapping[str, str] | None = None,
-    ) -> Settings:
+    def settings(self, parsed: ParsedSettings, units: Mapping[str, str] | None = None, exact: Mapping[str, str] | None = None) -> Settings:
         """Convert parsed settings to strings for the options `-p` and `--set` of `thingc build`.
 
-        A value in `original_texts` is used unchanged. Other numbers are formatted exactly, in the unit from `units` or in SI units.
+        A string in `exact` is used unchanged. Other numbers are formatted exactly, in the unit from `units` or in SI units.
         """
         units = units or {}
         numbers = {name: text_of(number, units.get(name, "")) for name, number in self.quantities(parsed).items()}
-        texts = {**numbers, **dict(parsed.texts), **(original_texts or {})}
+        texts = {**numbers, **dict(parsed.texts), **(exact or {})}
         return Settings(
             parameters={name: text for name, text in texts.items() if "." not in name},
             choices={name: text for name, text in texts.items() if "." in name},

@@ -87,8 +87,8 @@ def save(
 
     if inputs is None:
         return
-    found = [to_plain(d) for d in diagnostics]
-    stamp = {"fingerprint": fingerprint(), "inputs": dict(inputs), "diagnostics": found, "answer": dict(answer)}
+    plain = [to_plain(d) for d in diagnostics]
+    stamp = {"fingerprint": fingerprint(), "inputs": dict(inputs), "diagnostics": plain, "answer": dict(answer)}
     store.note_json("stamp", key, stamp)
 
 

@@ -172,14 +172,12 @@ MOVING_BASES = {"held": "the held base, which can be moved at run time", "free":
 """Descriptions of the export losses of moving bases. For any other base, the motion of the base is the loss."""
 
 
-def losses(
-    target: str, capabilities: AnyCapabilities, assembly: Assembly, robots: Sequence[Robot], *, cut: bool = False,
-) -> tuple[Loss, ...]:
+def losses(target: str, table: AnyCapabilities, assembly: Assembly, robots: Sequence[Robot], *, cut: bool = False) -> tuple[Loss, ...]:
     """Compare the features of a robot in the given modes with the capabilities of a target. Return the export losses without duplicates.
 
     `cut` is True if the target also writes joints that cut loops as joints.
     """
-    finder = _LossFinder(target, capabilities, cut)
+    finder = _LossFinder(target, table, cut)
     groups: list[Iterator[Loss]] = [finder.of_assembly(assembly)]
     for robot in robots:
         groups += [finder.of_joints(robot), finder.of_mode(robot)]

@@ -180,10 +180,7 @@ def _actuators(root: Element, joints: Sequence[Element], orders: Mapping[str, Or
     return {
         "mujoco": [element.get("name") for element in actuators],
         "joints": moved_joints,
-        "ros": {
-            controller.name: {"joints": list(controller.drives), "ctrl": [first.get(joint_of.get(name)) for name in controller.drives]}
-            for controller in commands
-        },
+        "ros": {c.name: {"joints": list(c.drives), "ctrl": [first.get(joint_of.get(name)) for name in c.drives]} for c in commands},
     }
 
 

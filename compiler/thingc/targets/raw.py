@@ -26,9 +26,7 @@ PREFIXES = {"urdf": ("drake",), "sdf": ("drake", "gz")}
 """Namespace prefixes that readers use for their own elements and attributes."""
 
 
-def apply_raw(
-    assembly: Assembly, robots: Sequence[Robot], target: Literal["urdf", "sdf"], files: Sequence[Element], report: Report,
-) -> None:
+def apply(assembly: Assembly, robots: Sequence[Robot], target: Literal["urdf", "sdf"], files: Sequence[Element], report: Report) -> None:
     """Apply the raw attributes of the documents to the XML files of a target.
 
     `files` contains one element for each chosen mode. Attributes that match no file are reported. If only some modes contain an element,

@@ -48,12 +48,11 @@ def read_drive_margin(spec: DriveMarginTest, reader: Reader) -> DriveCheck:
     }
     if spec.mode is None:
         reader.chosen_modes = tuple(name for name in reader.modes if name not in unusable) or reader.chosen_modes
-    wrong_modes = [name for name in reader.chosen_modes if name in unusable]
-    if wrong_modes:
+    wrong = [name for name in reader.chosen_modes if name in unusable]
+    if wrong:
         usable_modes = ", ".join(f"`{name}`" for name in reader.modes if name not in unusable)
-        message = f"mode `{wrong_modes[0]}` {unusable[wrong_modes[0]]}"
         reader.error(
-            Code.TEST, message, "mode" if spec.mode is not None else (), on_key=spec.mode is None,
+            Code.TEST, f"mode `{wrong[0]}` {unusable[wrong[0]]}", "mode" if spec.mode is not None else (), on_key=spec.mode is None,
             help=f"use mode {usable_modes}" if usable_modes else "add a mode with `base: fixed` that uses the drives",
         )
     return DriveCheck(joints=joints, minimum=minimum, motion=spec.motion)

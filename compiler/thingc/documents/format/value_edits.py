@@ -124,21 +124,19 @@ def _set_in_yaml(document: Document, keys: Keys, value: Written) -> str:
     return text[:insert_at] + "".join(line_end + (" " * indent + entry if entry else "") for entry in lines) + text[insert_at:]
 
 
-def _entry_lines(source: Source, node: MappingNode, missing_keys: Keys, value: Written) -> list[str]:
+def _entry_lines(source: Source, node: MappingNode, missing: Keys, value: Written) -> list[str]:
     """Return the lines of a new entry of the block mapping `node`, with indentation relative to the mapping.
 
-    `missing_keys` is the part of the path that the document does not contain.
+    `missing` is the part of the path that the document does not contain.
     """
     last = list(node.entries.values())[-1]
-    if isinstance(value, Mapping) and len(missing_keys) == 2:  # a new section
-        return ["", f"{_format_scalar(missing_keys[0])}:", f"  {_format_entry(missing_keys[1:], value)}"]
+    if isinstance(value, Mapping) and len(missing) == 2:  # a new section
+        return ["", f"{_format_scalar(missing[0])}:", f"  {_format_entry(missing[1:], value)}"]
     start, end = source.range(last.span)
-    in_block = isinstance(last, MappingNode) and last.entries and source.text[start] != "{"
-    if isinstance(value, Mapping) and len(missing_keys) == 1 and isinstance(last, MappingNode) and in_block:
-        indent = " " * (next(iter(last.keys.values())).column - next(iter(node.keys.values())).column)
-        entries = (f"{indent}{_format_scalar(key)}: {_format_inline(item)}" for key, item in value.items())
-        return [f"{_format_scalar(missing_keys[0])}:", *entries]
-    return [_format_entry(missing_keys, value)]
+    if isinstance(value, Mapping) and len(missing) == 1 and isinstance(last, MappingNode) and last.entries and source.text[start] != "{":
+        pad = " " * (next(iter(last.keys.values())).column - next(iter(node.keys.values())).column)
+        return [f"{_format_scalar(missing[0])}:", *(f"{pad}{_format_scalar(key)}: {_format_inline(item)}" for key, item in value.items())]
+    return [_format_entry(missing, value)]
 
 
 def _remove_from_yaml(document: Document, keys: Keys) -> str:

@@ -59,8 +59,7 @@ def _index_names(documents: Mapping[str, DocumentNames], parts: PartNames) -> Na
         if thing.span is not None:
             name = Name("part", thing.file, reference.partition(":")[2])
             found[name, thing.span] = NamePlace(name, thing.span, "declared")
-    by_span = sorted(found.values(), key=lambda item: (item.span.file, item.span.line, item.span.column, item.name.kind, item.name.text))
-    places = tuple(by_span)
+    places = tuple(sorted(found.values(), key=lambda p: (p.span.file, p.span.line, p.span.column, p.name.kind, p.name.text)))
     by_name: dict[Name, list[NamePlace]] = {}
     for place in places:
         by_name.setdefault(place.name, []).append(place)

@@ -49,17 +49,15 @@ def valid_entries(
     return _validate(model, plain, faults, wrong | damaged)
 
 
-def _validate(
-    model: type[Model], plain: dict[str, Any], faults: list[Fault], wrong: frozenset[Path],
-) -> tuple[Model | None, InvalidEntries]:
+def _validate(model: type[Model], plain: dict[str, Any], faults: list[Fault], bad: frozenset[Path]) -> tuple[Model | None, InvalidEntries]:
     """Remove all invalid entries from a document. Return the model of the remaining document, and the removed entries.
 
     `plain` contains the values of the document and is modified in place. In addition to the entries with `faults`, the values at the paths
-    `wrong` are removed. The model is None if the remaining document is still invalid.
+    `bad` are removed. The model is None if the remaining document is still invalid.
     """
     removed_paths: set[Path] = set()
     pruned = prune(plain, faults)
-    for path in wrong:
+    for path in bad:
         removed = remove_entry(plain, path)
         if pruned is None or removed is None:
             return None, InvalidEntries()

@@ -132,9 +132,7 @@ def _definition(occurrence: Occurrence, places: _SourceLocations) -> Data:
         location = places.code(record.code[0], definition.reference)
     elif definition.kind == "file":
         location = {"file": definition.reference, "line": None}
-    parameters: list[tuple[str, str]] = []
-    if isinstance(source, PartDefinition):
-        parameters = [*zip((name for name, _ in source.parameters), source.words, strict=False)]
+    parameters = [*zip((name for name, _ in source.parameters), source.words, strict=False)] if isinstance(source, PartDefinition) else []
     return {
         "text": definition.text, "label": definition.label, "kind": definition.kind,
         "mirrors": definition.plain.label if definition.plain is not None else None, "parameters": parameters, **location,

@@ -314,5 +314,4 @@ class _Builder:
             return 0.0
         if drive.axis is None:
             return q[path]
-        coordinates = self.assembly.mates[joint.mate].joints
-        return sum_of(part * q[coordinate.path] for part, coordinate in zip(drive.axis, coordinates, strict=True))
+        return sum_of(part * q[c.path] for part, c in zip(drive.axis, self.assembly.mates[joint.mate].joints, strict=True))

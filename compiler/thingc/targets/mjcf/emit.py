@@ -85,7 +85,7 @@ def models(request: EmitRequest) -> Models:
     if request.verify:
         starts = not request.repeated
         due = verify.select_models(every, request.verify, request.memo)
-        waiting = verify.find_unverified(due, geometry.meshes, request.store, request.memo, starts=starts)
+        waiting = verify.remaining(due, geometry.meshes, request.store, request.memo, starts=starts)
         verify.check(waiting, geometry, request.store, report, request.memo, starts=starts)
         if not report.diagnostics:
             verify.record_accepted(due, request.verify, request.memo)
@@ -125,7 +125,7 @@ def _roots(request: EmitRequest) -> tuple[Geometry, list[Loss], list[Element], d
     geometry, unsaid = choose_geometry(request.assembly, request.report)
     roots = [tree.model(robot, geometry, request.memo) for robot in request.robots]
     left = raw_elements.add(request.assembly, request.robots, roots, request.report)
-    raw.apply_raw(request.assembly, request.robots, roots, request.report)
+    raw.apply(request.assembly, request.robots, roots, request.report)
     return geometry, [*unsaid, *left], *compat.adapt_models(request.compat, request.robots, roots, request.report)
 
 

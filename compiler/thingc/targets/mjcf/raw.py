@@ -40,7 +40,7 @@ KINDS = (*NAMED, *SINGLE, "default")
 RESERVED_CLASSES = frozenset({"main", "visual", "collision", adhesion_contacts.CLASS})
 
 
-def apply_raw(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> None:
+def apply(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> None:
     """Apply the raw attributes to the model of each mode. Kinds and names that no mode contains are reported.
 
     If only some modes contain an element (such as the drive of a joint, or a keyframe), its attributes are applied in these modes. Elements
@@ -191,8 +191,8 @@ def _may_be_in_other_mode(attribute: RawAttribute, assembly: Assembly) -> bool:
 def _report_unknown(attribute: RawAttribute, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> None:
     kind, name = attribute.path[0], attribute.path[1]
     if kind == "default":
-        known_names = {name for robot, model in zip(robots, models, strict=True) for name in _classes(robot, model)}
-        described_kind = "class"
+        classes = {key for robot, model in zip(robots, models, strict=True) for key in _classes(robot, model)}
+        known_names, described_kind = classes, "class"
     else:
         known_names, described_kind = {element.get("name") for model in models for element in _elements_of_kind(kind, model)}, kind
     message = f"`{attribute.target}` has no {described_kind} `{name}`"

@@ -209,7 +209,7 @@ def select_models(candidates: Sequence[Candidate], share: int, memo: Memo) -> li
 
 
 def record_accepted(candidates: Sequence[Candidate], share: int, memo: Memo) -> None:
-    """Record that MuJoCo accepted the scenes of these models without messages, for `find_unverified` and `select_models`."""
+    """Record that MuJoCo accepted the scenes of these models without messages, for `remaining` and `select_models`."""
     for candidate in candidates:
         memo.keep(*_scene_key(candidate), True)
         if share > 1 and memo.last(_kind_key(candidate), ()) is None:
@@ -221,9 +221,7 @@ def _kind_key(candidate: Candidate) -> tuple[str, str, str]:
     return ("mujoco takes", candidate.mode, hashlib.sha256(_NUMBERS.sub("", candidate.model.text).encode()).hexdigest())
 
 
-def find_unverified(
-    candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: Store, memo: Memo, *, starts: bool,
-) -> list[Candidate]:
+def remaining(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: Store, memo: Memo, *, starts: bool) -> list[Candidate]:
     """Check models with a faster method than `check`. Return the candidates that this method has not accepted, for `check`.
 
     The method compiles the model without its scene, and replaces meshes that MuJoCo has accepted by tetrahedra. It is possible if MuJoCo

@@ -43,7 +43,7 @@ def emit(request: EmitRequest) -> Artifacts:
     document = assembly.definition.document
     said = heading(document)
     trees = [model(robot, shapes, request.report, uri) for robot in robots]
-    raw.apply_raw(assembly, robots, "urdf", trees, request.report)
+    raw.apply(assembly, robots, "urdf", trees, request.report)
     touching = _touching(request, shapes)
     met, unmet = _meetings(request, trees, shapes, uri) if len(touching) > 1 else ({}, [])
     files: dict[str, Content] = {f"{MESHES}/{file}": stored for file, stored in shapes.assets.items()}

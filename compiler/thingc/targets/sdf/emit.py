@@ -36,7 +36,7 @@ def emit(request: EmitRequest) -> Artifacts:
     models_and_losses = [model(robot, shapes, zero, request.report) for robot, zero in zip(request.robots, zeros, strict=True)]
     models = [element for element, _ in models_and_losses]
     all_losses |= dict.fromkeys(loss for _, renamed in models_and_losses for loss in renamed)
-    raw.apply_raw(assembly, request.robots, "sdf", models, request.report)
+    raw.apply(assembly, request.robots, "sdf", models, request.report)
     for robot, zero, tree in zip(request.robots, zeros, models, strict=True):
         name = f"{assembly.name}_{robot.mode.name}"
         header = heading(assembly.definition.document, robot.mode.name)

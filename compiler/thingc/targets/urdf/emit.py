@@ -28,7 +28,7 @@ def emit(request: EmitRequest) -> Artifacts:
     trees = [model(robot, shapes, request.report, meshes) for robot in request.robots]
     for robot, tree in zip(request.robots, trees, strict=True):
         tree.children.insert(0, mujoco_extension(robot))
-    raw.apply_raw(assembly, request.robots, "urdf", trees, request.report)
+    raw.apply(assembly, request.robots, "urdf", trees, request.report)
     for robot, tree in zip(request.robots, trees, strict=True):
         said = heading(assembly.definition.document, robot.mode.name)
         files[f"urdf/{assembly.name}_{robot.mode.name}.urdf"] = write(tree, said).text.encode()

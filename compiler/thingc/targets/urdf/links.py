@@ -198,22 +198,19 @@ class _Builder:
         speeds = [coordinate.limit.velocity / share for coordinate, share in drives if share and coordinate.limit.velocity is not None]
         return minimum(UNBOUNDED, sum_of(efforts)), minimum(speeds, default=None)
 
-    def _joint(
-        self, path: str, kind: str, parent: str, child: str, origin: Pose, source: Origin, description: str | None = None,
-    ) -> Element:
-        element = Element(tag="joint", attributes={"name": self.joints.take(path, source, description), "type": kind}, origin=source)
+    def _joint(self, path: str, kind: str, parent: str, child: str, origin: Pose, source: Origin, label: str | None = None) -> Element:
+        element = Element(tag="joint", attributes={"name": self.joints.take(path, source, label), "type": kind}, origin=source)
         _origin(element, origin)
         element.add("parent", {"link": parent})
         element.add("child", {"link": child})
         return element
 
-    def _frame(self, link: str, path: str, pose: Pose, origin: Origin, description: str | None = None) -> None:
+    def _frame(self, link: str, path: str, pose: Pose, origin: Origin, label: str | None = None) -> None:
         """Add a massless link to the URDF file for a frame of the robot."""
-        if self.links.free(path, origin, description):
+        if self.links.free(path, origin, label):
             frame = Element(tag="link", attributes={"name": safe(path)}, origin=origin)
             _add_inertial(frame, MASSLESS)
-            fixing = f"the joint that fixes {description or f'`{path}`'}"
-            joint = self._joint(f"{path}_joint", "fixed", link, safe(path), pose, origin, fixing)
+            joint = self._joint(f"{path}_joint", "fixed", link, safe(path), pose, origin, f"the joint that fixes {label or f'`{path}`'}")
             self.frames += frame, joint
 
     def _link(self, name: str, body: Body, X_CL: Pose) -> None:

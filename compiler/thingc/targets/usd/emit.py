@@ -38,7 +38,7 @@ def emit(request: EmitRequest) -> Artifacts:
     lost = dict.fromkeys((*flat, *losses("usd", CAPABILITIES, assembly, request.robots, cut=True)))
     paths = {name: f"/{scope}/{word}" for name, word in names.items()}
     models = [model(robot, shapes, paths, request.report) for robot in request.robots]
-    raw.apply_raw(assembly, models, request.report)
+    raw.apply(assembly, models, request.report)
     for robot, made in zip(request.robots, models, strict=True):
         said, file = heading(assembly.definition.document, robot.mode.name), f"{assembly.name}_{robot.mode.name}.usda"
         made.metadata += prim_metadata(assembly.name, file, request.workspace.about)

@@ -42,7 +42,7 @@ _WRITTEN = re.compile(rf"((?:uniform )?\S+) ({_NAME}) = ", re.ASCII)
 _INT_MAX = 2**31 - 1
 
 
-def apply_raw(assembly: Assembly, models: Sequence[Prim], report: Report) -> None:
+def apply(assembly: Assembly, models: Sequence[Prim], report: Report) -> None:
     """Apply the raw attributes to the default prims of the chosen modes.
 
     Attributes that match no prim, and values of the wrong type, are reported.

@@ -36,17 +36,15 @@ def measure(case: TestCase, check: SettleCheck) -> Outcome:
 
 def _compare(check: SettleCheck, motion: SettleResult) -> Outcome:
     """Compare the simulated motion of the robot with the limits that the test specifies."""
-    rest_time, drift, moved, deepest = motion.rest_time(check.drift), motion.drift(check.within), motion.moved, motion.deepest
+    rest_time, drift, moved, deepest = motion.rest_time(check.drift), motion.drift(check.within), motion.moved, maximum(motion.deepest, 0.0)
     # At the last instant, every point is at its final position, so the points must also be at rest for some time before.
     settled = rest_time <= check.within + 1e-9
-    measured: dict[str, Measure] = {
-        "rest": rest_time if settled else None, "drift": drift, "moved": moved, "penetration": maximum(deepest, 0.0),
-    }
+    measured: dict[str, Measure] = {"rest": rest_time if settled else None, "drift": drift, "moved": moved, "penetration": deepest}
     expected: dict[str, Measure] = {
         "within": check.within, "drift": check.drift, "for": check.hold, "penetration": check.penetration,
         **({} if check.moved is None else {"moved": check.moved}),
     }
-    moved_text, depth = format_si(moved, LENGTH), format_si(maximum(deepest, 0.0), LENGTH)
+    moved_text, depth = format_si(moved, LENGTH), format_si(deepest, LENGTH)
     summary = f"at rest after {rest_time:.3g} s (drift {format_si(drift, LENGTH)}), {moved_text} from the pose, contacts {depth} deep"
     failure = None
     if not settled:
