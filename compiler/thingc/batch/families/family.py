@@ -202,7 +202,7 @@ class RobotFamily:
         given, parsed = self._read(settings)
         if parsed.report is not None:
             return tuple(parsed.report.sorted_diagnostics())
-        document_settings = self._reader.settings(parsed, self._numbers.units, self._reader.as_given(given))
+        document_settings = self._reader.settings(parsed, self._numbers.units, self._reader.original_texts(given))
         named = emit if isinstance(emit, Iterable) and not isinstance(emit, str) else (emit,)
         builds = self._builds_of(tuple(map(str, named)))
         store = self._session.environment.store
@@ -226,7 +226,7 @@ class RobotFamily:
         if parsed.report is not None:
             return NoModel(settings=given, problems=tuple(parsed.report.sorted_diagnostics()))
         chosen = tuple(map(self._mode_name, modes or self.modes))
-        builds = self._planner(Builds, modes=chosen, targets=("mjcf",), emit=alone, patience=2)
+        builds = self._planner(Builds, modes=chosen, targets=("mjcf",), emit=emit_alone, patience=2)
         files, problems = builds.build(self._reader.settings(parsed))
         described = files.get("modes.json")
         return Modes.parse(described) if isinstance(described, bytes) else NoModel(settings=given, problems=problems)

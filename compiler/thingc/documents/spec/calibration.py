@@ -98,7 +98,7 @@ class CalibrationSpec(Model):
     """The motor of each joint, by the name of the joint in the robot."""
 
     def _check_rules(self) -> None:
-        first: dict[int, str] = {}
+        joints: dict[int, str] = {}
         help = "give each motor of the bus its own identifier"
         raise_all([
             within(rule(f"joints `{joints[motor.id]}` and `{name}` have the same motor `id: {motor.id}`", help), ("joints", name, "id"))

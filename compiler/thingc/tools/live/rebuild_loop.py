@@ -268,7 +268,7 @@ class RebuildLoop:
         assert self.environment is not None
         nothing = pipeline.Compilation(settings=pipeline.settings_of(self.options), report=Report())
         compilation = built.compilation if built is not None else nothing
-        paths = up_to_date.looked_at(self.environment, compilation)
+        paths = up_to_date.dependencies_of(self.environment, compilation)
         new_paths = paths - self._watched.paths
         if compilation.documents is not None:
             self._documents = frozenset(document.path for document in compilation.documents.by_path.values())

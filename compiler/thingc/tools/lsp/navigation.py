@@ -87,7 +87,7 @@ def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
     if named is None:
         return []
     names, name = named
-    if name.name.what == "document":
+    if name.name.kind == "document":
         return names.locations([line_of(name.name.file)])
     places = names.sight.index.by_name[name.name]
     if name.role == "declared" and name.span.file.endswith(".py"):
@@ -123,7 +123,7 @@ def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any)
     if named is None:
         return None
     names, name = named
-    renamable(names.sight, name.name)
+    check_renamable(names.sight, name.name)
     if name.role == "fits":
         raise RenameRefused(f"`{name.name.text}` only matches the pattern here: rename the element at its definition")
     return {"range": names.range(name.span), "placeholder": name.name.text}
@@ -233,10 +233,10 @@ def tokens(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     declared = DocumentNames(known.documents.root)
     parameters = declared.section("parameters") if known.kind == "assembly" else {}
     coloured: list[tuple[int, int, int, int]] = []
-    for mention in declared.mentions:
+    for mention in declared.occurrences:
         if mention.names in (RefersTo("expression"), RefersTo("rule")):
             for start, end, kind in _words(mention.text, mention.names == RefersTo("rule"), parameters):
-                span = declared.place(declared.around(mention), mention.text, start, end)
+                span = declared.narrow_span(declared.span_of(mention), mention.text, start, end)
                 now = analysis.now(span) if span is not None else None
                 if now is not None:
                     there = analysis.lines().range(now)
