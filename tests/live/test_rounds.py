@@ -69,7 +69,7 @@ class Working:
 
     def alone(self) -> build_document.BuildResult:
         """Return the result of a separate build."""
-        return with_environment(self.document, self.options, partial(build_document.build, wish=WISH))
+        return with_environment(self.document, self.options, partial(build_document.build, request=WISH))
 
 
 @pytest.fixture
