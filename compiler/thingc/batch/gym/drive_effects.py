@@ -50,7 +50,7 @@ class DriveEffects:
             data.ctrl[:] = command
 
     def forward(self, data: mujoco.MjData) -> None:
-        """Compute all results for the current state, such as sensor values, without noise of the drives."""
+        """Compute all results for the current state, such as sensor values. The drives have no noise in this computation."""
         mujoco.mj_forward(self.model, data)
         if self.acts:
             command, history = data.ctrl.copy(), data.history.copy()

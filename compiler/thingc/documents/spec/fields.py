@@ -177,7 +177,7 @@ def _quantity_in(text: str, dimensions: tuple[Dimension, ...], description: str,
 
 
 def decimal_point(text: str, integer: str, fraction: str) -> Suggestion:
-    """Return a hint that replaces the decimal comma in `text` by a point. `integer` and `fraction` are the parts beside the comma.
+    """Return a hint to write `text` with a decimal point in place of its comma. `integer` and `fraction` are the digits around the comma.
 
     The hint contains a fix only if the comma cannot be a thousands separator, as in 1,500.
     """

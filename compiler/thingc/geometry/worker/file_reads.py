@@ -114,7 +114,7 @@ class FileReadRecorder:
         return True
 
     def reads(self) -> list[tuple[str, str]]:
-        """Return the files and folders that the part read as sorted pairs `(path, state)`."""
+        """Return sorted pairs `(path, state)` of the files and folders that the part has read."""
         return sorted((self.relative(path), state) for path, state in self.states.items())
 
     def relative(self, path: str) -> str:

@@ -226,7 +226,7 @@ class Place:
         return self._at[part]
 
     def gap(self, pair: ComparedPair, within: float) -> float:
-        """Return the distance [m] of two parts, or `within` if the distance is greater.
+        """Return the distance [m] between two parts, or `within` if the distance is greater.
 
         A distance that is greater than the required distance plus `CLOSE` [m] is only a lower bound, unless the parts are simple.
         """

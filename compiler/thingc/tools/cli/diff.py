@@ -58,7 +58,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     console.add_no_code(parser)
     add("--time-limit", metavar="TIME", default="20 s", help="with --no-code: limit of CPU time for each document (default: %(default)s)")
     add("--html", metavar="FILE", help="also write a page with pictures and a before/after slider")
-    add("--pictures", metavar="FOLDER", help="also write pictures: before, after, and changes in colour")
+    add("--pictures", metavar="FOLDER", help="also write pictures of the old state, the new state and the changes, to this folder")
     robot_files.configure(parser)
     console.add_format(parser, FORMS)
     console.add_geometry(parser)

@@ -23,7 +23,7 @@ from thingc.tools.cli.robot_files import changed_robots
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc touched` to the parser."""
-    parser.add_argument("files", metavar="FILE", nargs="*", help="a changed file (it may be deleted)")
+    parser.add_argument("files", metavar="FILE", nargs="*", help="a file that was changed or deleted")
     parser.add_argument("--since", metavar="REVISION", help="add all files that have changed since the common ancestor with REVISION (Git)")
     parser.add_argument("--all", action="store_true", help="list every document below the working folder")
     parser.add_argument("-0", "--null", action="store_true", help="print unescaped paths, each terminated by a NUL, for scripts")

@@ -245,7 +245,7 @@ def _mounts_of(component: Component, records: Records) -> Names | None:
 
 
 def usual_mounts(record: PartRecord) -> Names:
-    """Return the mounts of a built part with descriptions, for use as the default mounts of the part class."""
+    """Return the description of each mount of a built part. These are the default mounts of the part class."""
     return {name: _of_mount(record.text, mount) for name, mount in sorted(record.mounts.items())}
 
 
