@@ -343,19 +343,23 @@ def test_known_refusals_are_in_the_row_of_a_reader() -> None:
         verdict.add("arm_bench", {"cannot": "ValueError: SDFormat 1.11 is newer than 1.9"}, {}, [])
     verdict.add("arm_drawing", {"mass": 1.0}, {"mass": 1.0}, [])
     assert verdict.faults == []
-    row = list(table({("libsdformat", "SDF"): ("12.3.0", {"arm": verdict})}))[2]
+    rows = {("libsdformat", "SDF"): ("12.3.0", {"arm": verdict})}
+    row = list(table(rows, ""))[2]
     assert row.startswith("| libsdformat 12.3.0 | SDF | arm | 3 |")
     assert row.endswith("| no differences, not supported: 2 (SDFormat 1.11 is newer than 1.9) |")
+    drake = "| drake 1.0 | SDF | arm | 3 |"
+    lines = list(table(rows, f"| libsdformat 12.2.0 | SDF | arm | 3 |\n{drake}"))
+    assert row in lines and drake in lines and not any("12.2.0" in line for line in lines)
 
 
 def test_missing_reader_is_skipped_with_a_message(tmp_path: Path) -> None:
     from environments import succeeds
-    from study import Reader, judged, table
+    from study import Reader, judged, rows_of
 
     assert succeeds("true") and not succeeds("false") and not succeeds("no-such-program --version")
     version, groups = judged(Reader("other", ("SDF",), needs=("no-such-program --version",)), tmp_path, [])
-    assert version == "cannot be had here (no-such-program --version)" and groups == {}
-    assert list(table({("other", "SDF"): (version, groups)}))[2].startswith(f"| other | SDF | {version} |")
+    assert version == "not available (no-such-program --version)" and groups == {}
+    assert list(rows_of("other", "SDF", version, groups))[0].startswith(f"| other | SDF | {version} |")
 
 
 def test_errors_of_readers_are_quoted() -> None:

@@ -185,7 +185,7 @@ def test_interface_values_may_be_expressions(tmp_path: Path) -> None:
     ("{bolts: {thread: M3, at: [[1 mm]]}}", "TC214", ""),
     ("{bolts: {thread: M3, circle: 5}}", "TC206", "unit"),
     ("{bolts: {thread: M3, circle: 5 deg}}", "TC207", "length"),
-    ("{bolts: {thread: 3}}", "TC203", "expected a string"),
+    ("{bolts: {thread: 3}}", "TC203", "expected the name of a thread"),
     ("{bore: {diameter: 0}}", "TC315", "diameter"),
     ("{bore: {diameter: 6 mm, clearance: [0.2 mm, 0.1 mm]}}", "TC315", "clearance"),
     ("{boss: {diameter: 6 mm, depth: 3 mm}}", "TC201", "depth"),
