@@ -35,8 +35,6 @@ SAME_PLACE = 1e-5
 """Largest distance [m] of the axes of two holes for one screw."""
 MOST_BOLTS = 200
 """Maximum number of holes of a pattern, because each hole is compared with each hole of another pattern."""
-LARGEST = 10.0
-"""Largest length [m] in an interface."""
 HOLES = (0.75, 1.7)
 """Smallest and largest diameter of a hole for a thread, relative to its nominal diameter: from a tap drill to the hole of an insert."""
 

@@ -225,8 +225,7 @@ class _Batch:
 
         Raises `BatchFault` if the batch cannot continue, and `Interrupted` after a signal.
         """
-        local_executor = LocalExecutor(min(self.run_options.jobs, max(1, self.count))) if executor is None else None
-        engine: Executor = local_executor if local_executor is not None else executor  # type: ignore[assignment]
+        engine: Executor = executor if executor is not None else LocalExecutor(min(self.run_options.jobs, max(1, self.count)))
         cluster = executor if isinstance(executor, Cluster) else None
         if cluster is not None:
             cluster.check(digest_files(self.plan, self.folder) if self.transfer is None else {})
@@ -238,13 +237,13 @@ class _Batch:
         with self._signals(), self._shipping(cluster) as shipping:
             engine = shipping or engine
             try:
-                self._loop(engine, job, journal, streaming=local_executor is not None)
+                self._loop(engine, job, journal, streaming=executor is None)
                 completed = True
             except _Stopped:
                 pass  # the signal is raised below, after the runners have ended: until then, runners finish variants
             finally:
-                if local_executor is not None:
-                    local_executor.shutdown(wait=True, cancel_futures=not completed)
+                if executor is None:
+                    engine.shutdown(wait=True, cancel_futures=not completed)
                 else:
                     for future in list(self.chunks):
                         future.cancel()
@@ -255,7 +254,7 @@ class _Batch:
                         write_page(self.folder, self._description(finished=False), self._columns())
             if not completed:
                 raise Interrupted(self.folder, self._total(), self.count)
-            if local_executor is None:
+            if executor is not None:
                 folder_layout.sweep(self.folder)  # temporary files of workers that died
             journal.sync()
             write_batch(self.folder, self._description(finished=True, table_columns=self._tables()))

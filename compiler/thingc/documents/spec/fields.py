@@ -64,11 +64,11 @@ class FieldValidator:
 
 
 def text_field(
-    is_valid: Callable[[str], object], expected: str, example: str, schema: Mapping[str, Any], *, words: str = "",
+    is_valid: Callable[[str], object], expected: str, example: str, schema: Mapping[str, Any], *, description: str = "",
 ) -> FieldValidator:
     """Return a validator for strings for which `is_valid` returns a true value. The string is not changed.
 
-    `expected` and `example` describe the string in messages. `words` is the description of the field, by default `expected`.
+    `expected` and `example` describe the string in messages. `description` is the description of the field, by default `expected`.
     """
 
     def validate(value: Any) -> str:
@@ -76,7 +76,7 @@ def text_field(
             return value
         raise fault("type", f"expected {expected}, found {describe(value)}", help=f"write, for example, `{example}`")
 
-    return FieldValidator(validate, words or expected, {"type": "string", **schema})
+    return FieldValidator(validate, description or expected, {"type": "string", **schema})
 
 
 def fault(kind: str, message: Hint, *, help: Hint | None = None, offset: int | None = None, end: int | None = None) -> PydanticCustomError:

@@ -40,11 +40,11 @@ def _is_maintainer(text: str) -> bool:
 MemoryField = Annotated[str, text_field(re.compile(MEMORY).fullmatch, "an amount of memory", "4 GB", {"pattern": f"^{MEMORY}$"})]
 MaintainerField = Annotated[str, text_field(
     _is_maintainer, "a name and a mail address in `<>`", "Ada Lovelace <ada@example.org>", {"pattern": f"^{MAINTAINER}$"},
-    words="a name and a mail address",
+    description="a name and a mail address",
 )]
-LicenseField = Annotated[str, text_field(one_line, "a license on one line", "Apache-2.0", {"pattern": r"\S"}, words="a license")]
+LicenseField = Annotated[str, text_field(one_line, "a license on one line", "Apache-2.0", {"pattern": r"\S"}, description="a license")]
 VersionField = Annotated[str, text_field(
-    re.compile(VERSION).fullmatch, "three whole numbers separated by dots", '"1.0.0"', {"pattern": f"^{VERSION}$"}, words="a version",
+    re.compile(VERSION).fullmatch, "three whole numbers separated by dots", '"1.0.0"', {"pattern": f"^{VERSION}$"}, description="a version",
 )]
 
 

@@ -186,7 +186,7 @@ class Collisions:
 
 def names_of(assembly: Assembly, first: int, second: int, quote: str = "") -> str:
     """Return the names of two components, such as `left and right`, each between two quotes `quote`."""
-    return " and ".join(f"{quote}{assembly.occurrences[index].path.replace('/', '.')}{quote}" for index in (first, second))
+    return " and ".join(f"{quote}{assembly.occurrences[index].name}{quote}" for index in (first, second))
 
 
 def skipped_text(skipped: Mapping[str, Sequence[str]]) -> str:

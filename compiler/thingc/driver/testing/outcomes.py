@@ -10,7 +10,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import Dimension, Quantity
 from thingc.documents.checks.kind import CheckKind
-from thingc.model.assembly.types import JointEdge, LinkedTendon, LinkedTest
+from thingc.model.assembly.types import LinkedTest
 from thingc.model.resolve.types import NamedPose, Reference
 from thingc.model.robot.types import Keyframe, Robot
 from thingc.targets.request import EmitRequest
@@ -51,11 +51,6 @@ def format_si(value: float, dimension: Dimension) -> str:
     value = value if abs(value) >= 1e-9 else 0.0
     number, space, unit = str(Quantity(value, dimension)).partition(" ")
     return f"{float(f'{float(number):.4g}'):g}{space}{unit}"
-
-
-def document_name(drive: JointEdge | LinkedTendon) -> str:
-    """Return the name of a drive as documents write it, such as `right.shoulder` or `wrist[0]`."""
-    return drive.name if isinstance(drive, JointEdge) else drive.path.replace("/", ".")
 
 
 def check_bounds(

@@ -77,7 +77,7 @@ def check_screws(robot: Connected, findings: LinkReport) -> None:
                 fault = _screw_fault(shank, *holes[0]) if holes else None
                 if fault is not None and _copy_key(mate.origin, screw) not in reported:
                     reported.add(_copy_key(mate.origin, screw))
-                    subject = f"`{screw.path.replace('/', '.')}` on `{mount_name(robot.occurrences[neighbour], head)}`"
+                    subject = f"`{screw.name}` on `{mount_name(robot.occurrences[neighbour], head)}`"
                     help = "use a screw of another size, or correct the `depth` of the hole"
                     findings.warn(Code.SCREW, f"{subject} {fault}", mate.origin, path=screw.path, help=help, allow=True)
 

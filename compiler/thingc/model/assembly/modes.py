@@ -365,7 +365,7 @@ def _pairs(tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: S
             earlier = linked_pairs.setdefault(frozenset((a, b)), linked)
             if earlier is not linked and pair.origin not in twice:
                 twice.add(pair.origin)
-                names = " and ".join(f"`{occurrences[index].path.replace('/', '.')}`" for index in (a, b))
+                names = " and ".join(f"`{occurrences[index].name}`" for index in (a, b))
                 tree.findings.error(
                     Code.CONTACTS, f"the contact pair of {names} is listed twice", pair.origin, help="remove one of the two entries",
                     notes=make_notes("the other entry is here", earlier.origin),

@@ -115,6 +115,11 @@ class Occurrence(PartInstance):
     unit: Unit | None = None
     detail: frozenset[str] = frozenset()
 
+    @property
+    def name(self) -> str:
+        """The path as documents write it, such as `hand.cap`."""
+        return self.path.replace("/", ".")
+
     def name_in_files(self, surface: Surface) -> str | None:
         """Return the name that a document specifies for a shape in output files, including the path of the document.
 
@@ -401,6 +406,11 @@ class LinkedTendon(resolved.TendonLength):
     moves: dict[JointPath, float]
     actuator: ActuatorModel | None
     steps: tuple[TendonStep, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The path as documents write it, such as `hand.grip`."""
+        return self.path.replace("/", ".")
 
     @property
     def transmission(self) -> str | None:

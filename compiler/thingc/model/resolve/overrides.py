@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from thingc.base.diagnostics import Code
 from thingc.base.inertia import HEAVIEST, LARGEST_MOMENT
-from thingc.base.interfaces import LARGEST, Bolts, Bore, Boss, Connector, MatingFeature, Shank
+from thingc.base.interfaces import Bolts, Bore, Boss, Connector, MatingFeature, Shank
 from thingc.base.numeric import tau
 from thingc.base.pose import NO_POSE
 from thingc.base.source import Path
@@ -18,6 +18,7 @@ from thingc.documents.spec.link_shapes import ChoiceSpec, CollisionSpec, Decompo
 from thingc.documents.spec.mass import CentreOfMassSpec, InertiaSpec, MassSpec
 from thingc.model.resolve.document_scope import ComponentScope
 from thingc.model.resolve.materials import process
+from thingc.model.resolve.plausibility import LARGEST
 from thingc.model.resolve.references import ORIGIN
 from thingc.model.resolve.repeats import check_names
 from thingc.model.resolve.scope import DefaultLayers, LayeredValue, Scope

@@ -11,7 +11,7 @@ from thingc.base.pose import Pose
 from thingc.base.units import ANGULAR_VELOCITY, FORCE, TORQUE, VELOCITY
 from thingc.documents.checks.drive_margin import KIND, DriveCheck
 from thingc.driver.testing.kinds.torque_margin import SLACK
-from thingc.driver.testing.outcomes import Failure, Outcome, TestCase, TestMeasurement, document_name, format_si
+from thingc.driver.testing.outcomes import Failure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge, LinkedTendon
 from thingc.model.dynamics.inertial_loads import inertial_loads
@@ -56,7 +56,6 @@ def measure(case: TestCase, check: DriveCheck) -> Outcome:
     tested = (candidate for candidate in instants(case.robot, motion, case.frames[0].base) if candidate.path in check.joints)
     worst = min(tested, key=lambda candidate: round_significant(candidate.margin, 12))
     drive = _drives(case.robot)[worst.path]
-    name = document_name(drive)
     effort, speed = (TORQUE, ANGULAR_VELOCITY) if drive.turns else (FORCE, VELOCITY)
     needed, available = format_si(abs(worst.effort), effort), format_si(worst.available, effort)
     speed_text, time_text = format_si(abs(worst.speed), speed), f"{worst.time:.4g} s"
@@ -68,13 +67,13 @@ def measure(case: TestCase, check: DriveCheck) -> Outcome:
     elif worst.margin < check.minimum:
         failure = Failure(
             code=Code.TEST_DRIVE, key="min",
-            message=f"drive `{name}` needs {needed} at {time_text}, and can exert {available} at {speed_text}: "
+            message=f"drive `{drive.name}` needs {needed} at {time_text}, and can exert {available} at {speed_text}: "
             f"the margin is {worst.margin:.3g}, but at least {check.minimum:g} is required",
         )
-    summary = f"margin {worst.margin:.3g} at {name}: {needed} of {available} at {speed_text} and {time_text}"
+    summary = f"margin {worst.margin:.3g} at {drive.name}: {needed} of {available} at {speed_text} and {time_text}"
     summary += f" (at least {check.minimum:g})"
     if not isfinite(worst.margin):
-        summary = f"{name} carries no load (margin at least {check.minimum:g})"
+        summary = f"{drive.name} carries no load (margin at least {check.minimum:g})"
     return Outcome(
         measured={
             "margin": worst.margin if isfinite(worst.margin) else None, "drive": worst.path, "time": worst.time, "effort": worst.effort,

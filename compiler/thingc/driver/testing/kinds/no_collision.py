@@ -145,7 +145,7 @@ def _failure(
         Note(message=f"the surface of `{path.replace('/', '.')}` is not closed: the convex hull of the mesh is used instead")
         for path in collisions.hulls if path in (assembly.occurrences[worst_pair.one].path, assembly.occurrences[worst_pair.other].path)
     ]
-    names = ", ".join(assembly.occurrences[index].path.replace("/", ".") for index in (worst_pair.one, worst_pair.other))
+    names = ", ".join(assembly.occurrences[index].name for index in (worst_pair.one, worst_pair.other))
     location, help = _describe_position(case, check, worst_pair), f'if this is intended, add `allow: [{{pair: [{names}], reason: "..."}}]`'
     if certificate is not None and certificate.references is not None:
         pairs = {(pair.one, pair.other): pair for pair in certificate.pairs}

@@ -18,6 +18,7 @@ from thingc.base.pose import Pose, Vector, add_scaled, cross, dot, rotate
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.stack import KIND, StackCheck
 from thingc.driver.testing.outcomes import ROUNDING, Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
+from thingc.model.assembly.interfaces import mount_name
 from thingc.model.assembly.kinematics import neighbourhood, on_loops
 from thingc.model.assembly.mass import process_of
 from thingc.model.assembly.types import Assembly, Mate, MountAt
@@ -144,7 +145,7 @@ def _mount_contributions(
         axes = [rotate(poses[index].rotation, axis) for axis in AXES]
         shifts = [(process.tolerance or 0.0) * dot(axis, direction) for axis in axes]
         tilts = [(process.tilt or 0.0) * dot(cross(axis, arm), direction) for axis in axes]
-        yield f"`{occurrence.path.replace('/', '.')}.{name}`", [*shifts, *tilts]
+        yield f"`{mount_name(occurrence, name)}`", [*shifts, *tilts]
 
 
 def _fit_contributions(assembly: Assembly, poses: Sequence[Pose], mate: Mate, direction: Vector) -> Iterator[Contribution]:
@@ -156,7 +157,7 @@ def _fit_contributions(assembly: Assembly, poses: Sequence[Pose], mate: Mate, di
         if len(bores) == len(bosses) == 1 and bores[0] > bosses[0]:
             rotation = (poses[mate.parent] @ ends[0].pose).rotation
             across = hypot(*(dot(rotate(rotation, axis), direction) for axis in AXES[:2]))
-            name = f"{assembly.occurrences[mate.child].path.replace('/', '.')}.{mate.child_mount}"
+            name = mount_name(assembly.occurrences[mate.child], mate.child_mount)
             yield f"the play of `{name}`", [0.5 * (bores[0] - bosses[0]) * across]
 
 

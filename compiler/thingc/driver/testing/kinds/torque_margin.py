@@ -11,7 +11,7 @@ from thingc.base.numeric import isfinite, round_significant
 from thingc.base.pose import Pose
 from thingc.base.units import FORCE, LENGTH, TORQUE
 from thingc.documents.checks.torque_margin import KIND, TorqueCheck
-from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, document_name, format_si
+from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge, LinkedTendon
 from thingc.model.robot.kinematics import body_poses
@@ -33,7 +33,6 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
     equilibrium = static_efforts(robot, frame.q, bodies, case.request.memo)
     efforts, margins, choices = equilibrium.by_joint, equilibrium.margins, equilibrium.choices
     weakest = _weakest(check, margins)
-    names = {path: document_name(joint) for path, joint in joints.items()}
     text = _effort(joints[weakest], efforts[weakest])
     limit = _effort(joints[weakest], joints[weakest].limit.effort or 0.0)
     measured: dict[str, Measure] = {
@@ -56,18 +55,18 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
         remarks += f"; {smooth_margin:.3g} if the floor had no friction"
     failure: Failure | None = None
     if not isfinite(margins[weakest]):
-        summary = f"{names[weakest]} carries no load (margin at least {check.minimum:g}){remarks}"
+        summary = f"{joints[weakest].name} carries no load (margin at least {check.minimum:g}){remarks}"
         return Outcome(measured=measured, expected=expected, summary=summary)
-    summary = f"margin {margins[weakest]:.3g} at {names[weakest]}: {text} of {limit} (at least {check.minimum:g}){remarks}"
+    summary = f"margin {margins[weakest]:.3g} at {joints[weakest].name}: {text} of {limit} (at least {check.minimum:g}){remarks}"
     if margins[weakest] < check.minimum:
         too_weak = [path for path in check.joints if path != weakest and margins[path] < check.minimum]
         notes += [
-            Note(message=f"drive `{names[path]}` needs {_effort(joints[path], efforts[path])}, a margin of {margins[path]:.3g}")
+            Note(message=f"drive `{joints[path].name}` needs {_effort(joints[path], efforts[path])}, a margin of {margins[path]:.3g}")
             for path in too_weak
         ]
         failure = Failure(
             code=Code.TEST_TORQUE, key="min", notes=tuple(notes),
-            message=f"drive `{names[weakest]}` needs {text}, and its limit is {limit}: the margin is {margins[weakest]:.3g}, "
+            message=f"drive `{joints[weakest].name}` needs {text}, and its limit is {limit}: the margin is {margins[weakest]:.3g}, "
             f"but at least {check.minimum:g} is required",
         )
     return Outcome(measured=measured, expected=expected, summary=summary, failure=failure)
