@@ -180,7 +180,7 @@ def test_unpacking_stays_in_the_folder(tmp_path: Path, kind: str) -> None:
             archive.addfile(member)
             archive.addfile(tarfile.TarInfo("link and folder/stolen"))
     data = stream.getvalue()
-    bad = WorkspaceArchive(root="/", sha256=hashlib.sha256(data).hexdigest(), data=zlib.compress(data), names=1)
+    bad = WorkspaceArchive(root="/", sha256=hashlib.sha256(data).hexdigest(), data=zlib.compress(data))
     place = tmp_path / "deep" / "work"
     with pytest.raises(ValueError, match=r"."):
         bad.unpack(str(place))

@@ -71,7 +71,7 @@ class AxisParser:
         """
         if isinstance(raw, Expression):
             self._error(
-                Code.VARIANT_VALUE, "the settings of a variant must be values; expressions are only allowed in the assembly", path,
+                "the settings of a variant must be values; expressions are only allowed in the assembly", path,
                 help=f"write a value, or define a parameter with this expression in `{self.parameters.name}`",
             )
             return None
@@ -103,10 +103,7 @@ class AxisParser:
         kind = self.paths.kinds.get(name)
         sound = of_kind(value, kind)
         if sound is None and kind is not None:
-            self._error(
-                Code.VARIANT_VALUE,
-                f"values at one path must have the same kind: found {kind_of(value)}, but `{format_value(kind)}` elsewhere", path,
-            )
+            self._error(f"values at one path must have the same kind: found {kind_of(value)}, but `{format_value(kind)}` elsewhere", path)
         return sound
 
     def axis(self, name: str, raw: Any) -> Axis | None:
@@ -117,7 +114,7 @@ class AxisParser:
         path: Path = ("parameters", name)
         if isinstance(raw, list):
             if not raw:
-                self._error(Code.VARIANT_VALUE, f"`{name}` has no values", path, help="write at least one value, or remove the key")
+                self._error(f"`{name}` has no values", path, help="write at least one value, or remove the key")
                 return None
             listed = [self.value(name, value_or_none, (*path, index)) for index, value_or_none in enumerate(raw)]
             sound = [value_or_none for value_or_none in listed if value_or_none is not None]
@@ -153,13 +150,10 @@ class AxisParser:
             return ()
         if not isinstance(first, Quantity) or not isinstance(last, Quantity):
             wrong, key = (first, "from") if not isinstance(first, Quantity) else (last, "to")
-            self._error(
-                Code.VARIANT_VALUE, f"a range needs two numbers, found {kind_of(wrong)}", (*path, key),
-                help=f"list the values: `{name}: [...]`",
-            )
+            self._error(f"a range needs two numbers, found {kind_of(wrong)}", (*path, key), help=f"list the values: `{name}: [...]`")
             return ()
         if first.value == last.value:
-            self._error(Code.VARIANT_VALUE, f"`from` and `to` of `{name}` are the same value", (*path, "to"), help="use different values")
+            self._error(f"`from` and `to` of `{name}` are the same value", (*path, "to"), help="use different values")
             return ()
         exact = evenly_spaced(self._text_at((*path, "from")), self._text_at((*path, "to")), count)
         return tuple(exact if exact is not None else spaced_si(first, last, count))
@@ -176,14 +170,14 @@ class AxisParser:
         for index, end in enumerate((low, high)):
             if not isinstance(end, Quantity):
                 self._error(
-                    Code.VARIANT_VALUE, f"the range of `{name}` needs two numbers, found {kind_of(end)}", (*path, index),
+                    f"the range of `{name}` needs two numbers, found {kind_of(end)}", (*path, index),
                     help=f"list its values under `parameters` to draw from them: `{name}: [{shorten(format_value(end))}, ...]`",
                 )
                 return None
         assert isinstance(low, Quantity) and isinstance(high, Quantity)
         if not low.value < high.value:
             self._error(
-                Code.VARIANT_VALUE, f"the range of `{name}` starts at {low} and ends at {high}", path,
+                f"the range of `{name}` starts at {low} and ends at {high}", path,
                 help="write the smaller value first" if low.value > high.value else "use two different values",
             )
             return None
@@ -196,12 +190,12 @@ class AxisParser:
         If the integer is not between `least` and `most`, report an error and return None.
         """
         if isinstance(raw, Expression):
-            self._error(Code.VARIANT_VALUE, f"`{path[-1]}` must be a number, not an expression", path, help="write the number")
+            self._error(f"`{path[-1]}` must be a number, not an expression", path, help="write the number")
             return None
         if not least <= raw <= most:
             rule = f"at least {least}" if raw < least else f"at most {most}"
             help = f"write, for example, `{path[-1]}: {max(least, 16) if raw < least else most}`"
-            self._error(Code.VARIANT_VALUE, f"`{path[-1]}` must be {rule}, found `{raw}`", path, help=help)
+            self._error(f"`{path[-1]}` must be {rule}, found `{raw}`", path, help=help)
             return None
         return int(raw)
 
@@ -215,5 +209,5 @@ class AxisParser:
             path = path[:-1]
         return path
 
-    def _error(self, code: Code, message: str, path: Path, *, help: Hint | None = None) -> None:
-        self.report.add(code, message, self.document.span(path), help=help, path=format_path(path))
+    def _error(self, message: str, path: Path, *, help: Hint | None = None) -> None:
+        self.report.add(Code.VARIANT_VALUE, message, self.document.span(path), help=help, path=format_path(path))

@@ -12,7 +12,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, Future
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
 
@@ -49,7 +49,7 @@ from thingc.batch.page import parameter_columns, show, write_page
 from thingc.batch.pictures import OnPicture, usual
 from thingc.batch.planning import Plan
 from thingc.batch.progress import Interrupted, OnProgress, Progress, Summary
-from thingc.batch.run_options import RunOptions, check, check_engine, read_plan
+from thingc.batch.run_options import check, check_engine, read_plan
 from thingc.batch.tables import Column, columns, write_tables
 from thingc.batch.variant import Variant
 from thingc.driver.environment import Options, store_of
@@ -59,10 +59,6 @@ TIMEOUT = 600.0
 """Default time limit [s] for one variant."""
 SHARE = 64
 """Default of `verify`: MuJoCo compiles one out of this many models that differ only in numbers."""
-CHUNK_SECONDS = 0.5
-"""Target duration [s] for building a chunk of variants."""
-CHUNK_MOST = 64
-"""Maximum number of variants in a chunk."""
 ANEW = "run the command without --resume"
 """Help text of the error for a missing batch, which suggests a run without `--resume`."""
 ATTEMPTS = 3
@@ -120,8 +116,10 @@ def run(
     try:
         with lock_folder(folder):
             count = plan.count if limit is None else min(limit, plan.count)
-            run_options = RunOptions(options=options, jobs=jobs or os.cpu_count() or 1, timeout=timeout, verify=verify, count=count)
-            batch = _Batch(plan, folder, run_options, transfer, on_progress)
+            batch = _Batch(
+                plan=plan, folder=folder, options=options, count=count, jobs=jobs or os.cpu_count() or 1, timeout=timeout, verify=verify,
+                transfer=transfer, on_progress=on_progress,
+            )
             batch.prepare(resume=resume, retry=retry)
             with clear_in_background(folder):
                 with batch.journal() as journal:
@@ -144,38 +142,43 @@ class _Stopped(Exception):
     """Raised after SIGINT or SIGTERM, so that no further variants are submitted."""
 
 
+@dataclass(kw_only=True, eq=False)
 class _Batch:
     """A single run of a batch, which submits variants and records their results in the thread that calls `run`.
 
-    `done` has a flag for each variant that needs no further attempt. `earlier` and `counts` count the variants by status, in earlier runs
-    and in this run. `spent` [s] and `measured` are the total build time and the number of built variants.
+    `count` is the number of variants to build, and `jobs` the number of runner processes or chunks that run in parallel. The function `run`
+    documents the other options. `done` has a flag for each variant that needs no further attempt. `earlier` and `counts` count the variants
+    by status, in earlier runs and in this run. `spent` [s] and `measured` are the total build time and the number of built variants.
+    `previous` is the content of `batch.json` in a resumed batch.
     """
 
-    def __init__(
-        self, plan: Plan, folder: str, run_options: RunOptions, transfer: WorkspaceArchive | None, on_progress: OnProgress | None,
-    ) -> None:
-        self.plan = plan
-        self.folder = folder
-        self.run_options = run_options
-        self.count = run_options.count
-        self.on_progress = on_progress
-        self.transfer = transfer
-        self.done = bytearray(run_options.count)
-        self.earlier: Counter[str] = Counter()
-        self.counts: Counter[str] = Counter()
-        self.modelled: set[str] = set()
-        self.stopping = False
-        self.started = time.monotonic()
-        self.last_report = 0.0
-        self.first_result: tuple[float, int] | None = None
-        self.spent = 0.0
-        self.measured = 0
-        self.events: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
-        self.submitted: dict[int, Variant] = {}
-        self.chunks: dict[Future[Any], _Chunk] = {}
-        self.parameters = parameter_columns(plan)
-        self.layout = plan.layout or (PACKED if plan.count > MANY else FOLDERS)
-        self.previous: dict[str, Any] = {}
+    plan: Plan
+    folder: str
+    options: Options
+    count: int
+    jobs: int
+    timeout: float
+    verify: int
+    transfer: WorkspaceArchive | None
+    on_progress: OnProgress | None
+    earlier: Counter[str] = field(default_factory=Counter)
+    counts: Counter[str] = field(default_factory=Counter)
+    modelled: set[str] = field(default_factory=set)
+    stopping: bool = False
+    started: float = field(default_factory=time.monotonic)
+    last_report: float = 0.0
+    first_result: tuple[float, int] | None = None
+    spent: float = 0.0
+    measured: int = 0
+    events: queue.SimpleQueue[tuple[str, Any]] = field(default_factory=queue.SimpleQueue)
+    submitted: dict[int, Variant] = field(default_factory=dict)
+    chunks: dict[Future[Any], _Chunk] = field(default_factory=dict)
+    previous: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.done = bytearray(self.count)
+        self.parameters = parameter_columns(self.plan)
+        self.layout = self.plan.layout or (PACKED if self.plan.count > MANY else FOLDERS)
 
     # --- the folder -----------------------------------------------------------------------------------------------
 
@@ -225,19 +228,18 @@ class _Batch:
 
         Raises `BatchFault` if the batch cannot continue, and `Interrupted` after a signal.
         """
-        engine: Executor = executor if executor is not None else LocalExecutor(min(self.run_options.jobs, max(1, self.count)))
+        engine: Executor = executor if executor is not None else LocalExecutor(min(self.jobs, max(1, self.count)))
         cluster = executor if isinstance(executor, Cluster) else None
         if cluster is not None:
             cluster.check(digest_files(self.plan, self.folder) if self.transfer is None else {})
         job = job_of(
-            self.plan, self.folder, self.run_options.options, layout=self.layout, verify=self.run_options.verify,
-            elsewhere=cluster is not None,
+            self.plan, self.folder, self.options, layout=self.layout, verify=self.verify, elsewhere=cluster is not None,
         ).encode()
         completed = False
         with self._signals(), self._shipping(cluster) as shipping:
             engine = shipping or engine
             try:
-                self._loop(engine, job, journal, streaming=executor is None)
+                self._loop(engine, job, journal)
                 completed = True
             except _Stopped:
                 pass  # the signal is raised below, after the runners have ended: until then, runners finish variants
@@ -283,7 +285,7 @@ class _Batch:
         """
         if self.transfer is None or not isinstance(cluster, DaskCluster):
             return contextlib.nullcontext()
-        return RemoteExecutor(cluster, self.transfer, self.folder, store_of(self.run_options.options))
+        return RemoteExecutor(cluster, self.transfer, self.folder, store_of(self.options))
 
     def show(self, pictures: int | None, on_picture: OnPicture | None) -> Diagnostic | None:
         """Render pictures of variants, and write the HTML page of the finished batch.
@@ -298,7 +300,7 @@ class _Batch:
     def _columns(self) -> tuple[Column, ...]:
         return columns(self.parameters, self.plan.choice_paths, lengths_in(self.folder))
 
-    def _loop(self, engine: Executor, job: str, journal: Journal | PackedWriter, *, streaming: bool) -> None:
+    def _loop(self, engine: Executor, job: str, journal: Journal | PackedWriter) -> None:
         waiting = self._remaining(journal)
         exhausted = False
         refreshed, pause = time.monotonic(), REFRESH
@@ -307,12 +309,12 @@ class _Batch:
                 variants = list(islice(waiting, self._chunk_size(engine)))
                 exhausted = not variants
                 if variants:
-                    self._submit(engine, job, _Chunk(variants), streaming)
+                    self._submit(engine, job, _Chunk(variants))
             self._report_progress()
             if exhausted and not self.chunks:
                 break
             with contextlib.suppress(queue.Empty):
-                self._handle(*self.events.get(timeout=1.0), engine, job, journal, streaming)
+                self._handle(*self.events.get(timeout=1.0), engine, job, journal)
             _check_cluster(engine)
             now = time.monotonic()
             if now - refreshed > pause:
@@ -341,7 +343,7 @@ class _Batch:
 
     def _queue_size(self, engine: Executor) -> int:
         """Return the maximum number of chunks that are submitted to the executor at the same time."""
-        return engine.ahead if isinstance(engine, Cluster) else 2 * self.run_options.jobs
+        return engine.ahead if isinstance(engine, Cluster) else 2 * self.jobs
 
     def _chunk_size(self, engine: Executor) -> int:
         """Return the number of variants in the next chunk.
@@ -349,25 +351,21 @@ class _Batch:
         The number is chosen so that building the chunk takes about the target duration, and that all runners have work until the end of the
         batch.
         """
-        first, seconds, largest = 1, CHUNK_SECONDS, CHUNK_MOST
-        if isinstance(engine, Cluster):
-            first, seconds, largest = engine.first, engine.chunk_seconds, engine.chunk_most
+        sizes = engine if isinstance(engine, Cluster) else Cluster
         fair = max(1, (self.count - self._total() - len(self.submitted)) // self._queue_size(engine))
         if not self.measured:
-            return min(first, fair)
-        return max(1, min(largest, fair, int(seconds * self.measured / max(self.spent, 1e-6))))
+            return min(sizes.first, fair)
+        return max(1, min(sizes.chunk_most, fair, int(sizes.chunk_seconds * self.measured / max(self.spent, 1e-6))))
 
-    def _submit(self, engine: Executor, job: str, chunk: _Chunk, streaming: bool) -> None:
+    def _submit(self, engine: Executor, job: str, chunk: _Chunk) -> None:
         chunk.attempts += 1
         self.submitted.update((variant.index, variant) for variant in chunk.variants)
-        if streaming:
-            future = engine.submit(evaluate, job, chunk.variants, self.run_options.timeout, lambda result: self.events.put(("row", result)))
-        else:
-            future = engine.submit(evaluate, job, chunk.variants, self.run_options.timeout)
+        on_row = (lambda result: self.events.put(("row", result)),) if isinstance(engine, LocalExecutor) else ()
+        future = engine.submit(evaluate, job, chunk.variants, self.timeout, *on_row)
         self.chunks[future] = chunk
         future.add_done_callback(lambda completed: self.events.put(("done", completed)))
 
-    def _handle(self, event: str, content: Any, engine: Executor, job: str, journal: Journal | PackedWriter, streaming: bool) -> None:
+    def _handle(self, event: str, content: Any, engine: Executor, job: str, journal: Journal | PackedWriter) -> None:
         if event == "signal":
             raise _Stopped
         if event == "row":
@@ -388,7 +386,7 @@ class _Batch:
         if chunk.attempts < ATTEMPTS:
             size = max(1, -(-len(unfinished) // PIECES))
             for k in range(0, len(unfinished), size):
-                self._submit(engine, job, _Chunk(unfinished[k : k + size], chunk.attempts), streaming)
+                self._submit(engine, job, _Chunk(unfinished[k : k + size], chunk.attempts))
             return
         for variant in unfinished:
             message = f"the executor lost the variant {ATTEMPTS} times: {type(fault).__name__}: {' '.join(str(fault).split())}"
@@ -430,12 +428,9 @@ class _Batch:
 
     def _drain(self, journal: Journal | PackedWriter) -> None:
         """Record the results of all variants that were finished before the runner processes were ended."""
-        with contextlib.suppress(BatchFault, OSError):
+        with contextlib.suppress(queue.Empty, BatchFault, OSError):
             while True:
-                try:
-                    event, row = self.events.get_nowait()
-                except queue.Empty:
-                    return
+                event, row = self.events.get_nowait()
                 if event == "row" and row["status"] != STOPPED:
                     self._record_result(journal, row)
 

@@ -149,7 +149,7 @@ class Resolution(Evaluation):
         return {"parts": float(len(parts))}
 
     def _evaluate_by_passes(self, settings: Mapping[str, Any], parsed: ParsedSettings, tests: bool) -> Evaluated:
-        if not self.refusals.applies(parsed):
+        if self.refusals.problems(parsed) is None:
             if self._resolved >= MOST and parsed not in self._required:
                 return Evaluated(settings=settings, results={})
             self._resolved += 1

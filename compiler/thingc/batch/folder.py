@@ -75,12 +75,18 @@ def lock_folder(folder: str) -> Iterator[None]:
 
 def read_batch(folder: str) -> dict[str, Any] | None:
     """Return the content of the file `batch.json` in a folder. Return None if thingc did not write this file."""
+    described = _read_json(folder, folder_layout.BATCH)
+    return described if described.get("thingc") == KIND else None
+
+
+def _read_json(folder: str, name: str) -> dict[str, Any]:
+    """Return the JSON object in a file. Return an empty dict if the file is missing or damaged."""
     try:
-        with open(os.path.join(folder, folder_layout.BATCH), encoding="utf-8") as stream:
-            described = json.load(stream)
+        with open(os.path.join(folder, name), encoding="utf-8") as stream:
+            content = json.load(stream)
     except (OSError, ValueError):
-        return None
-    return described if isinstance(described, dict) and described.get("thingc") == KIND else None
+        return {}
+    return content if isinstance(content, dict) else {}
 
 
 def read_description(document: str, folder: str, hint: str) -> dict[str, Any]:
@@ -102,50 +108,40 @@ def check_chunks(folder: str, described: Mapping[str, Any]) -> None:
 
 def write_batch(folder: str, batch: Mapping[str, Any]) -> None:
     """Write the file `batch.json` of a batch atomically."""
-    text = json.dumps({"thingc": KIND, **batch}, indent=2, sort_keys=True, ensure_ascii=False)
-    _write(os.path.join(folder, folder_layout.BATCH), json_text(text))
+    _write_json(folder, folder_layout.BATCH, {"thingc": KIND, **batch})
 
 
-def _write(path: str, text: str) -> None:
+def _write_json(folder: str, name: str, content: Mapping[str, Any]) -> None:
+    path = os.path.join(folder, name)
     with open(f"{path}.new", "w", encoding="utf-8", newline="\n") as stream:
-        stream.write(f"{text}\n")
+        stream.write(json_text(json.dumps(content, indent=2, sort_keys=True, ensure_ascii=False)) + "\n")
     os.replace(f"{path}.new", path)
 
 
 def record_states(folder: str, *names: str) -> None:
     """Record the current states of files that users can edit, so that the next batch can detect whether they have been edited."""
-    _note(folder, {name: state_of(os.path.join(folder, name)) for name in names})
+    _update_states(folder, {name: state_of(os.path.join(folder, name)) for name in names})
 
 
 def clear_state(folder: str, name: str) -> None:
     """Delete the recorded state of a file before the file is written again."""
-    _note(folder, {name: None})
+    _update_states(folder, {name: None})
 
 
-def _note(folder: str, states: Mapping[str, str | None]) -> None:
-    noted = {name: state for name, state in {**_read_states(folder), **states}.items() if state is not None}
-    _write(os.path.join(folder, folder_layout.SHOWN), json.dumps(noted, indent=2, sort_keys=True))
-
-
-def _read_states(folder: str) -> dict[str, str]:
-    """Return the recorded states of files by name. Return an empty dict if the recorded states are missing or damaged."""
-    try:
-        with open(os.path.join(folder, folder_layout.SHOWN), encoding="utf-8") as stream:
-            states = json.load(stream)
-    except (OSError, ValueError):
-        return {}
-    return {name: state for name, state in states.items() if isinstance(state, str)} if isinstance(states, dict) else {}
+def _update_states(folder: str, states: Mapping[str, str | None]) -> None:
+    known = _read_json(folder, folder_layout.SHOWN)
+    _write_json(folder, folder_layout.SHOWN, {name: state for name, state in {**known, **states}.items() if state is not None})
 
 
 def are_unchanged(folder: str, *names: str) -> bool:
     """Return whether all named files are unchanged since their states were recorded."""
-    known = _read_states(folder)
+    known = _read_json(folder, folder_layout.SHOWN)
     return all(name in known and state_of(os.path.join(folder, name)) == known[name] for name in names)
 
 
 def _find_edited(folder: str) -> list[str]:
     """Return the names of the files that the user has edited. Deleted and empty files do not count as edited."""
-    known = _read_states(folder)
+    known = _read_json(folder, folder_layout.SHOWN)
     mine = (folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET, folder_layout.PAGE)
     return [name for name in mine if name in known and state_of(os.path.join(folder, name)) not in (known[name], None, NOTHING)]
 

@@ -17,7 +17,7 @@ import errno
 import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from thingc.base.filesystem import BINARY, check_tree, hash_name, listing, write_new
@@ -75,18 +75,14 @@ def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blo
                 _share(folder, content.sha256, store, target)
             else:
                 write_new(target, content)
-        try:
-            os.rename(fresh, place)
-        except OSError as fault:
-            if fault.errno not in (errno.ENOTEMPTY, errno.EEXIST):
-                raise
-            shutil.rmtree(place, ignore_errors=True)
+        for superseded in (place, fresh):  # the second time, another worker, which was considered lost, has just written the variant
             try:
                 os.rename(fresh, place)
-            except OSError as again:
-                if again.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                break
+            except OSError as fault:
+                if fault.errno not in (errno.ENOTEMPTY, errno.EEXIST):
                     raise
-                shutil.rmtree(fresh)  # another worker, which was considered lost, has just written the variant
+            shutil.rmtree(superseded, ignore_errors=True)
     except BaseException:
         shutil.rmtree(fresh, ignore_errors=True)
         raise
@@ -213,13 +209,10 @@ class Journal:
         os.fsync(self._descriptor)
 
 
-def lines(path: str) -> Iterator[tuple[int, Line]]:
-    """Yield the offset in the file [bytes] and the content of every complete line of a journal."""
+def lines(journal: Iterable[bytes]) -> Iterator[tuple[int, Line]]:
+    """Yield the offset in the file [bytes] and the content of every complete line of a journal, which is open for reading."""
     at = 0
-    if not os.path.exists(path):
-        return
-    with open(path, "rb") as stream:
-        for data in stream:
-            if data.endswith(b"\n"):
-                yield at, json.loads(data)
-            at += len(data)
+    for data in journal:
+        if data.endswith(b"\n"):
+            yield at, json.loads(data)
+        at += len(data)

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from msgspec import convert
-from msgspec.structs import asdict
+from msgspec.structs import asdict, astuple
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch import folder_layout
@@ -35,7 +35,7 @@ class Job(FrozenStruct):
     Attributes:
         assembly: The absolute path of the assembly document.
         folder: The absolute path of the folder of the batch. If `folder` is None, no files are written.
-        rules: The rules that compare results of a variant.
+        rules: The texts and the names (see `Rule`) of the rules that compare results of a variant.
         dimensions: The exponents of length, mass, time and angle for each numeric parameter.
         packed: Whether the row of a variant contains its files, so that only shared files are written.
         verify: If models differ only in numbers, MuJoCo compiles one in `verify` models (1: each, 0: none).
@@ -50,8 +50,7 @@ class Job(FrozenStruct):
     results_mode: str
     pose: str | None
     reach: tuple[str, str] | None
-    rules: tuple[str, ...]
-    rule_names: tuple[dict[str, str | None], ...]
+    rules: tuple[tuple[str, dict[str, str | None]], ...]
     dimensions: Mapping[str, tuple[Any, ...]]
     emit: tuple[str, ...]
     verify: int = 1
@@ -122,15 +121,11 @@ def job_of(plan: Plan, folder: str, options: Options, *, layout: str, verify: in
     `elsewhere` is True for runner processes on other machines, which have a different environment and working folder.
     """
     store = store_here(options.store) if elsewhere else options.store
-    rules = [rule for rule in plan.rules if rule.needs_results]
     return Job(
         assembly=plan.assembly, folder=folder, store=store, part_timeout=options.part_timeout,
         modes=plan.chosen_modes, results_mode=plan.modes[0], pose=plan.pose, reach=plan.reach,
-        rules=tuple(rule.text for rule in rules), rule_names=tuple(dict(rule.names) for rule in rules),
-        dimensions={
-            name: (_exponent(dimension.length), _exponent(dimension.mass), _exponent(dimension.time), _exponent(dimension.angle))
-            for name, dimension in plan.dimensions.items()
-        },
+        rules=tuple((rule.text, dict(rule.names)) for rule in plan.rules if rule.needs_results),
+        dimensions={name: tuple(map(_exponent, astuple(dimension))) for name, dimension in plan.dimensions.items()},
         emit=plan.emit, verify=verify, packed=layout == PACKED,
     )
 

@@ -17,7 +17,6 @@ import base64
 import contextlib
 import json
 import os
-import re
 import sys
 import threading
 from array import array
@@ -63,9 +62,8 @@ The column `line` contains the journal line. The columns `line`, `losses` and `s
 OPEN_MOST, COLUMNS_MOST = 16, 24
 """Maximum number of chunks that a reader has open, and maximum number of cached columns per open chunk."""
 
-_SEALED = re.compile(r"([0-9]{6})\.parquet")
-_RUN = re.compile(r"([0-9]{6})\.run\.parquet")
-_JOURNAL = re.compile(r"([0-9]{6})\.jsonl")
+SEALED, RUN_FILE, JOURNAL = ".parquet", ".run.parquet", ".jsonl"
+"""Suffixes of the names of chunk files, of files with data about the run, and of journals."""
 
 
 class DamagedChunk(OSError):
@@ -116,9 +114,9 @@ def complete(folder: str, count: int) -> None:
 
     When a chunk is sealed, its run file is written first, and its journal is removed last.
     """
-    sealed = _numbers(folder, _SEALED) | _numbers(folder, _RUN) if is_packed(folder) else set()
+    sealed = _numbers(folder, SEALED) | _numbers(folder, RUN_FILE) if is_packed(folder) else set()
     for number in sorted({*range(-(-count // CHUNK)), *sealed}):
-        for ends in ((".run.parquet",), (".parquet", ".jsonl")):
+        for ends in ((RUN_FILE,), (SEALED, JOURNAL)):
             if not any(os.path.exists(_chunk_path(folder, number, end)) for end in ends):
                 raise MissingChunk(_chunk_path(folder, number, ends[0]))
 
@@ -128,11 +126,13 @@ def numbers(folder: str) -> list[int]:
 
     A batch that is not packed is treated as a single chunk that has only a journal.
     """
-    return sorted(_numbers(folder, _SEALED) | _numbers(folder, _JOURNAL)) if is_packed(folder) else [0]
+    return sorted(_numbers(folder, SEALED) | _numbers(folder, JOURNAL)) if is_packed(folder) else [0]
 
 
-def _numbers(folder: str, pattern: re.Pattern[str]) -> set[int]:
-    return {int(match[1]) for name in os.listdir(os.path.join(folder, folder_layout.CHUNKS)) if (match := pattern.fullmatch(name))}
+def _numbers(folder: str, end: str) -> set[int]:
+    """Return the numbers of the chunks that have a file whose name ends with `end`."""
+    names = os.listdir(os.path.join(folder, folder_layout.CHUNKS))
+    return {int(name[:6]) for name in names if name[6:] == end and name[:6].isdecimal()}
 
 
 # --- writing ----------------------------------------------------------------------------------------------------------
@@ -171,11 +171,11 @@ class PackedWriter:
 
     def sync(self) -> None:
         """Seal every chunk that contains new variants, even if it is incomplete. Call this method at the end of a batch."""
-        for number in sorted(_numbers(self.folder, _JOURNAL)):
+        for number in sorted(_numbers(self.folder, JOURNAL)):
             self._seal(number)
 
     def _open_chunk(self, number: int) -> tuple[Journal, set[int]]:
-        journal = Journal(_chunk_path(self.folder, number, ".jsonl"))
+        journal = Journal(_chunk_path(self.folder, number, JOURNAL))
         indices = range(number * CHUNK, min((number + 1) * CHUNK, len(self.done)))
         self._open[number] = journal, {index for index in indices if not self.done[index]}
         return self._open[number]
@@ -200,10 +200,10 @@ def seal(folder: str, number: int) -> None:
         "data_page_size": 2 * GROUP_BYTES,
     }
     new = f"{folder_layout.NEW}{number:06d}"
-    fresh = {end: _chunk_path(folder, number, end).replace(f"{number:06d}", new) for end in (".run.parquet", ".parquet")}
+    fresh = {end: _chunk_path(folder, number, end).replace(f"{number:06d}", new) for end in (RUN_FILE, SEALED)}
     with (
-        contextlib.closing(chunk), parquet.ParquetWriter(fresh[".parquet"], schema, **options) as rows,
-        parquet.ParquetWriter(fresh[".run.parquet"], run_schema, compression="zstd", write_statistics=False) as runs,
+        contextlib.closing(chunk), parquet.ParquetWriter(fresh[SEALED], schema, **options) as rows,
+        parquet.ParquetWriter(fresh[RUN_FILE], run_schema, compression="zstd", write_statistics=False) as runs,
     ):
         for group in _groups(chunk, ("run", *schema.names)):
             rows.write_table(arrow_table(schema, [cells[1:] for cells in group]))
@@ -213,7 +213,7 @@ def seal(folder: str, number: int) -> None:
             os.fsync(stream.fileno())
         os.replace(path, _chunk_path(folder, number, end))
     with contextlib.suppress(FileNotFoundError):
-        os.unlink(_chunk_path(folder, number, ".jsonl"))
+        os.unlink(_chunk_path(folder, number, JOURNAL))
 
 
 def _groups(chunk: Chunk, columns: Sequence[str]) -> Iterator[list[tuple[Any, ...]]]:
@@ -259,21 +259,20 @@ class Chunk:
     """
 
     def __init__(self, folder: str, number: int) -> None:
-        self.number = number
         self._journal: Any = None
         self._offsets: dict[int, int] = {}
         self._cached_line = lru_cache(1)(self._read_line)
         paths: set[str] = set()
         lengths: set[str] = set()
-        path = _chunk_path(folder, number, ".jsonl") if is_packed(folder) else os.path.join(folder, folder_layout.JOURNAL)
+        path = _chunk_path(folder, number, JOURNAL) if is_packed(folder) else os.path.join(folder, folder_layout.JOURNAL)
         with contextlib.suppress(FileNotFoundError):
             self._journal = open(path, "rb")  # noqa: SIM115 - closed with the chunk
-            for at, line in lines(path):
+            for at, line in lines(self._journal):
                 self._offsets[int(line["index"])] = at
                 paths.update(line.get(FILES, ()))
                 lengths.update(name for name in line.get("results", ()) if name.startswith(LENGTHS))
-        self._path = _chunk_path(folder, number, ".parquet")
-        self._run = _open_parquet(_chunk_path(folder, number, ".run.parquet"))
+        self._path = _chunk_path(folder, number, SEALED)
+        self._run = _open_parquet(_chunk_path(folder, number, RUN_FILE))
         self._sealed = _open_parquet(self._path) if self._run is not None else None
         self._rows: dict[int, int] = {}
         self._starts: list[int] = []

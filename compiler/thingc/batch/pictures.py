@@ -89,9 +89,8 @@ def _choose_models(folder: str, mode: str, most: int, scratch: str) -> list[tupl
     meshes of a model are in the same folder. For a packed batch, the files are written to the folder `scratch`.
     """
     records = BuildRecords(folder)
-    settings: list[Sequence[Any]] = []
-    for line in map(records.line, records.built):
-        settings.append((*line["parameters"].values(), *line["choices"].values()))
+    lines = map(records.line, records.built)
+    settings = [(*line["parameters"].values(), *line["choices"].values()) for line in lines]
     models: list[tuple[str, str]] = []
     for k in range(len(settings)) if len(settings) <= most else along_the_axes(settings, most):
         id, files = str(records.line(records.built[k])["id"]), records.files(records.built[k])

@@ -13,6 +13,7 @@ import os
 import posixpath
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
 from graphlib import TopologicalSorter
 from typing import Any
@@ -32,7 +33,6 @@ from thingc.documents.expressions.value_text import text_of
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.documents.spec.variants import Method
 from thingc.documents.workspace import Workspace
-from thingc.geometry.record import Value
 from thingc.model.resolve.types import AssemblyDefinition
 
 BLOCK = 256
@@ -235,18 +235,13 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         Expressions that cannot be evaluated are omitted.
         """
         values: dict[str, ExpressionValue] = {}
-        document_values = {**self.own, **self.paths.own}
+        known = {**self._literals, **given}
         for name, expression in self._order:
-            if name in given:
-                values[name] = given[name]
-            elif expression is None:
-                if name in document_values:
-                    values[name] = document_values[name]
-            else:
-                try:
+            if name in known:
+                values[name] = known[name]
+            elif expression is not None:
+                with suppress(ExpressionError):
                     values[name] = evaluate(expression, values)
-                except ExpressionError:
-                    continue
         return {name: values[name] for name in self.kinds if name in values}
 
     @cached_property
@@ -262,10 +257,15 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         return (*ordered, *((path, self.paths.expressions.get(path)) for path in self.paths.kinds))
 
     @cached_property
-    def _literal_values(self) -> dict[str, Value]:
+    def document_values(self) -> dict[str, ExpressionValue]:
+        """The values in the assembly document of all parameters, and of all values that the plan sets by path."""
+        return {**self.own, **self.paths.own}
+
+    @cached_property
+    def _literals(self) -> dict[str, ExpressionValue]:
         """The values in the assembly document that are not expressions. Settings that equal these values are omitted from a variant."""
-        document_values = {**self.own, **self.paths.own}
-        return {name: plain(document_values[name]) for name, expression in self._order if expression is None and name in document_values}
+        expressions = {name for name, expression in self._order if expression is not None}
+        return {name: value for name, value in self.document_values.items() if name not in expressions}
 
     def _settings(self) -> Iterator[Setting]:
         """Yield the settings of all variants that the document specifies, in order. The method can yield equal settings several times."""
@@ -294,6 +294,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
         """
         listed = len(self.listed)
         discrete = self.method is not None and all(axis.range is None or axis.whole for axis in self.axes)
+        literals = {name: plain(value) for name, value in self._literals.items()}
         seen: set[str] = set()
         index = -1
         for number, setting in enumerate(self._settings()):
@@ -302,7 +303,7 @@ class Plan(OneLineRepr, FrozenStruct, dict=True):
                 continue
             parameters = {
                 name: value for name, value in setting.parameters.items()
-                if name not in self._literal_values or plain(value) != self._literal_values[name]
+                if name not in literals or plain(value) != literals[name]
             }
             choices = {path: text for path, text in setting.choices.items() if self.own_choices.get(path) != text}
             id = identity(self.assembly_relative, parameters, choices)

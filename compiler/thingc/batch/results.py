@@ -361,11 +361,7 @@ class _Rows(Sequence[Mapping[str, Any]]):
     def __len__(self) -> int:
         return len(self._records.done)
 
-    @overload
-    def __getitem__(self, key: int) -> Mapping[str, Any]: ...
-    @overload
-    def __getitem__(self, key: slice) -> Sequence[Mapping[str, Any]]: ...
-    def __getitem__(self, key: int | slice) -> Mapping[str, Any] | Sequence[Mapping[str, Any]]:
+    def __getitem__(self, key: Any) -> Any:
         if isinstance(key, slice):
             return [_row(self._records.line(index)) for index in self._records.done[key]]
         return _row(self._records.line(self._records.done[key]))
@@ -425,8 +421,7 @@ def _check(name: str, condition: Any, cells: Sequence[Any]) -> None:
 
 def _holds(cell: Any, condition: Any) -> bool:
     if isinstance(condition, tuple):
-        low, high = condition
-        return cell is not None and low <= cell <= high
+        return cell is not None and condition[0] <= cell <= condition[1]
     return bool(cell == condition)
 
 

@@ -1,4 +1,4 @@
-"""The options for running a batch, from Python or from the command line, and functions that check these options."""
+"""Check the options for running a batch, from Python or from the command line."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from typing import Any
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch import variants_document
 from thingc.batch.cluster.dask_executor import DaskCluster
 from thingc.batch.folder import FOLDERS, PACKED, BatchFault
@@ -53,20 +52,6 @@ def as_names(**argument_value: Any) -> tuple[str, ...]:
     if not isinstance(names, Iterable):
         raise FamilyError(f"expected `{argument}` to be a list of names, found `{names}`")
     return tuple(map(str, names))
-
-
-class RunOptions(FrozenStruct):
-    """The checked options for running a batch.
-
-    `count` is the number of variants to build. `jobs` is the number of runner processes or chunks that run in parallel. The function `run`
-    documents the other options.
-    """
-
-    options: Options
-    jobs: int
-    timeout: float
-    verify: int
-    count: int
 
 
 def check(jobs: int, limit: int | None, timeout: float, verify: int, pictures: int | None, layout: str | None) -> None:

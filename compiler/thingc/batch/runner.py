@@ -52,10 +52,7 @@ class Runner:
         options = Options(store=job.store, jobs=1, part_timeout=job.part_timeout, printed=self._store_printed_lines)
         self.session = Session(job.assembly, options)
         self.dimensions = {name: Dimension(*exponents) for name, exponents in job.dimensions.items()}
-        self.rules = [
-            Rule(text=text, expression=parse_expression(text, dotted=True), names=names)
-            for text, names in zip(job.rules, job.rule_names, strict=True)
-        ]
+        self.rules = [Rule(text=text, expression=parse_expression(text, dotted=True), names=names) for text, names in job.rules]
         sources = self.session.sources
         self.builds = None if job.verify == 1 or sources is None or self.session.report.failed else Builds(
             self.session, SettingsReader(sources), modes=job.modes, targets=job.emit, verify=job.verify, measured=self._results,

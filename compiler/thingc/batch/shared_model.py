@@ -260,9 +260,6 @@ def _where(model: Any, name: str, a: Any, b: Any) -> str:
     if a.shape != b.shape or not (kind == "dof" or kind in _KINDS):
         return ""
     row = int(np.argwhere(np.asarray(a != b).reshape(len(a), -1).any(axis=1))[0][0])
-    if kind == "dof":
-        kind, owner = "jnt", int(model.dof_jntid[row])
-    else:
-        owner = row
-    word, accessor, _ = _KINDS[kind]
+    owner = int(model.dof_jntid[row]) if kind == "dof" else row
+    word, accessor, _ = _KINDS["jnt" if kind == "dof" else kind]
     return f" ({word} `{getattr(model, accessor)(owner).name}`: {a[row]} and {b[row]})"

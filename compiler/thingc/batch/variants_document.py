@@ -91,8 +91,9 @@ def read_plan(path: str, options: Options, report: Report, lend: PartsProvider |
     spec = validate_one(document, report)
     if not isinstance(spec, VariantsSpec):
         return None
-    where = document.span(("assembly",))
-    assembly = find_assembly(spec.assembly, relative_to=document.path, where=where, workspace=workspace, report=report)
+    assembly = find_assembly(
+        spec.assembly, relative_to=document.path, where=document.span(("assembly",)), workspace=workspace, report=report,
+    )
     if assembly is None:
         return None
     with Environment(assembly, options, lend) as environment:
@@ -109,6 +110,7 @@ class _Planner:
         self.spec = spec
         self.environment = environment
         self.sources = sources
+        self.root = sources.documents.root
         self.workspace = sources.workspace
         self.report = report
         self.reported: set[tuple[str, str]] = set()
@@ -117,21 +119,18 @@ class _Planner:
         """The settings of the listed variant that is being checked, in addition to its parameters."""
 
     def plan(self) -> Plan | None:
-        root = self.sources.documents.root
-        assembly = self.sources.specs.get(root.relative)
+        assembly = self.sources.specs.get(self.root.relative)
         model = pipeline.model(self.environment, self.sources, Settings(), self.report)
-        if not isinstance(assembly, AssemblySpec) or model is None:
-            return None
-        if not self.grid_fits():
+        if not isinstance(assembly, AssemblySpec) or model is None or not self.grid_fits():
             return None
         declared = AssemblyParameters(self.sources.documents, self.sources.specs, self.workspace)
         parameter_values = declared.values
         paths = values.read_paths(self.spec, self.sources.documents, parameter_values)
         reader = AxisParser(self.document, declared, self.report, paths, self.fits)
         axes, parameters = self.parameters(reader)
-        choice_axes, choices = self.choices(root.relative)
+        choice_axes, choices = self.choices()
         fixed = Setting(name=None, parameters=parameters, choices=choices)
-        listed = self.read_listed(reader, fixed, root.relative)
+        listed = self.read_listed(reader, fixed)
         method, sample_count, seed = self.sample(reader)
         ranges = [reader.range(name, raw) for name, raw in (self.spec.sample.ranges if self.spec.sample else {}).items()]
         drawn_axes = [axis for axis in ranges if axis is not None]
@@ -146,7 +145,7 @@ class _Planner:
             return None
         return Plan(
             document=self.document.path, relative=self.document.relative, sha256=self.document.sha256,
-            name=self.spec.name, assembly=root.path, assembly_relative=root.relative,
+            name=self.spec.name, assembly=self.root.path, assembly_relative=self.root.relative,
             assembly_spec=assembly, model=model, workspace=self.workspace, own=parameter_values, paths=paths,
             written_in=dict(self.units((*parameter_values, *paths.kinds))),
             own_choices=current_choices(assembly), fixed=fixed, listed=listed,
@@ -175,35 +174,30 @@ class _Planner:
 
         The unit is specified by the variants document, or else by the assembly document.
         """
-        root = self.sources.documents.root
         for name in names:
             value_path = ("parameters", name) if "." not in name else tuple(name.split("."))
             axis = ("parameters", name)
             places: tuple[tuple[Document, Path], ...] = (
                 (self.document, axis), (self.document, (*axis, 0)), (self.document, (*axis, "from")),
-                (self.document, ("sample", "ranges", name, 0)), (root, value_path), (root, (*value_path, "value")),
+                (self.document, ("sample", "ranges", name, 0)), (self.root, value_path), (self.root, (*value_path, "value")),
             )
             texts = (node.text for document, path in places if isinstance(node := node_at(document.tree, path), ScalarNode))
             unit = next((unit for text in texts if (unit := unit_in(text))), "")
             if unit:
                 yield name, unit
 
-    def choices(self, root: str) -> tuple[list[Axis], dict[str, str]]:
+    def choices(self) -> tuple[list[Axis], dict[str, str]]:
         """Return the axes of choices with several values, and the choices that are the same for all variants."""
         axes: list[Axis] = []
         fixed: dict[str, str] = {}
         for path, raw in self.spec.choices.items():
+            if raw == []:
+                self.error(Code.VARIANT_CHOICE, f"`{path}` has no choices", ("choices", path), "write at least one")
             texts: dict[str, Path] = {}
-            missing = False
             for index, text in enumerate(raw if isinstance(raw, list) else [raw]):
                 at: Path = ("choices", path, index) if isinstance(raw, list) else ("choices", path)
-                if _key(path) != "assembly" or self.document_exists(text, at):
-                    texts[self.rebase_choice(path, text, root)] = at
-                else:
-                    missing = True
-            if not texts and not missing:
-                self.error(Code.VARIANT_CHOICE, f"`{path}` has no choices", ("choices", path), "write at least one")
-                continue
+                if (value := self.choice_value(path, text, at)) is not None:
+                    texts[value] = at
             sound = [text for text, at in texts.items() if self.is_valid_choice(path, text, at)]
             if len(sound) == 1:
                 fixed[path] = sound[0]
@@ -211,18 +205,20 @@ class _Planner:
                 axes.append(Axis(key=path, choice=True, values=tuple(sound)))
         return axes, fixed
 
-    def rebase_choice(self, path: str, text: str, root: str) -> str:
+    def choice_value(self, path: str, text: str, at: Path) -> str | None:
+        """Return the value of a choice for the assembly document. Report a missing document as an error, and return None."""
+        if _key(path) == "assembly" and find_assembly(
+            text, relative_to=self.document.path, where=self.document.span(at), workspace=self.workspace, report=self.report,
+        ) is None:
+            return None
+        return self.rebase_choice(path, text)
+
+    def rebase_choice(self, path: str, text: str) -> str:
         """Convert the path of a file or document that a choice selects, so that it is relative to the assembly document.
 
         Other values of a choice are returned unchanged.
         """
-        return rebase_path(text, self.document.relative, root) if _key(path) in ("assembly", "file") else text
-
-    def document_exists(self, text: str, at: Path) -> bool:
-        """Return whether the document that a choice selects exists. A missing document is reported as an error."""
-        return find_assembly(
-            text, relative_to=self.document.path, where=self.document.span(at), workspace=self.workspace, report=self.report,
-        ) is not None
+        return rebase_path(text, self.document.relative, self.root.relative) if _key(path) in ("assembly", "file") else text
 
     def is_valid_choice(self, path: str, text: str, at: Path) -> bool:
         """Return whether `text` is a valid value of the choice at `path`. Report an invalid value as an error at the key path `at`.
@@ -297,7 +293,7 @@ class _Planner:
             return known
         parameters = {name: text for name, text in texts.items() if "." not in name}
         path_settings = {path: text for path, text in texts.items() if "." in path}
-        best: list[Diagnostic] | None = None
+        found: list[Diagnostic] = []
         for enclosing in self.enclosing_choices(path_settings):
             trial = Report()
             pipeline.model(self.environment, self.sources, Settings(parameters=parameters, choices={**enclosing, **path_settings}), trial)
@@ -305,16 +301,16 @@ class _Planner:
                 error for error in trial.diagnostics
                 if error.severity is Severity.ERROR and error.code is not Code.PARAMETER_OPTION and error not in self.report.diagnostics
             ]
-            if best is None or not errors:
-                best = errors
             if not errors:
+                found = []
                 break
-        unknown_paths = {path for path in texts if any(error.path == f"{SET}{path}" for error in best or ())}
+            found = found or errors
+        unknown_paths = {path for path in texts if any(error.path == f"{SET}{path}" for error in found)}
         remaining = {name: text for name, text in texts.items() if name not in unknown_paths}
         if unknown_paths and remaining:  # if a path is unknown, no setting is applied
-            best = [*(best or ()), *(error for error in self.errors_of(remaining) if error not in (best or ()))]
-        self.errors_by_settings[key] = best or []
-        return self.errors_by_settings[key]
+            found = [*found, *(error for error in self.errors_of(remaining) if error not in found)]
+        self.errors_by_settings[key] = found
+        return found
 
     def report_once(self, code: Code, diagnostic: Diagnostic, path: str, at: Path, display_path: str, *, key: bool) -> None:
         """Report an error that a setting causes in the assembly, at the location of the setting in the variants document.
@@ -324,9 +320,7 @@ class _Planner:
         if (path, diagnostic.message) in self.reported:
             return
         self.reported.add((path, diagnostic.message))
-        notes = list(diagnostic.notes)
-        if diagnostic.span is not None:
-            notes.append(Note(message="defined here in the assembly", span=diagnostic.span))
+        notes = [*diagnostic.notes, Note(message="defined here in the assembly", span=diagnostic.span)]
         self.report.add(
             code, diagnostic.message, self.document.span(at, key=key), help=diagnostic.help, path=display_path,
             notes=[note for note in notes if note.span is not None],
@@ -335,14 +329,13 @@ class _Planner:
     def enclosing_choices(self, paths: Iterable[str]) -> Iterator[dict[str, str]]:
         """Yield an empty mapping, and then a mapping with each single choice that selects an assembly for a component on one of `paths`."""
         yield {}
-        root = self.sources.documents.root.relative
         for other, raw in self.spec.choices.items():
             inside = other.removesuffix("assembly") + "components."
             if other.endswith(".assembly") and any(path.startswith(inside) for path in paths):
                 for text in raw if isinstance(raw, list) else [raw]:
-                    yield {other: self.rebase_choice(other, text, root)}
+                    yield {other: self.rebase_choice(other, text)}
 
-    def read_listed(self, reader: AxisParser, fixed: Setting, root: str) -> tuple[Setting, ...]:
+    def read_listed(self, reader: AxisParser, fixed: Setting) -> tuple[Setting, ...]:
         """Return the settings of all variants that the document lists explicitly, and report invalid settings."""
         name_indices: dict[str, int] = {}
         settings: list[Setting] = []
@@ -351,10 +344,8 @@ class _Planner:
             error_count = len(self.report.diagnostics)
             chosen = dict(fixed.choices)
             for path, text in entry.choices.items():
-                named = self.rebase_choice(path, text, root)
-                if _key(path) == "assembly" and not self.document_exists(text, (*at, "choices", path)):
-                    continue
-                if self.is_valid_choice(path, named, (*at, "choices", path)):
+                named = self.choice_value(path, text, (*at, "choices", path))
+                if named is not None and self.is_valid_choice(path, named, (*at, "choices", path)):
                     chosen[path] = named
             self.other_settings = {**{name: text for name, text in self.first_texts().items() if name in fixed.parameters}, **chosen}
             values: dict[str, ExpressionValue] = dict(fixed.parameters)
@@ -362,13 +353,10 @@ class _Planner:
                 value = reader.value(name, raw, (*at, "parameters", name))
                 if value is not None:
                     values[name] = value
-            if entry.name is not None and entry.name in name_indices:
-                where = self.document.span(("list", name_indices[entry.name], "name"))
+            if entry.name is not None and (first := name_indices.setdefault(entry.name, index)) != index:
+                note = Note(message="the other variant is defined here", span=self.document.span(("list", first, "name")))
                 message, help = f"two variants are named `{entry.name}`", "rename one of the two variants"
-                note = Note(message="the other variant is defined here", span=where)
                 self.error(Code.NAME_CLASH, message, (*at, "name"), help, [note])
-            elif entry.name is not None:
-                name_indices[entry.name] = index
             setting = Setting(name=entry.name, parameters=values, choices=chosen)
             duplicate = next((k for k, other in enumerate(settings) if (other.parameters, other.choices) == (values, chosen)), None)
             if duplicate is not None and len(self.report.diagnostics) == error_count:
@@ -451,10 +439,9 @@ class _Planner:
         mode = next((mode for mode in model.modes if mode.name == mode_name), None)
         if mode is None or not (mode.holds or any(joint.loop for joint in model.joints)):
             return
-        of_margin = [rule.expression for rule in rules if "torque_margin" in rule.names.values()]
         message = f"`torque_margin` is undefined in mode `{mode.name}`: its loops make the efforts of the drives ambiguous"
         for index, expression in enumerate(self.spec.keep):
-            if any(expression is one for one in of_margin):
+            if any(rule.expression is expression and "torque_margin" in rule.names.values() for rule in rules):
                 self.error(Code.RESULT, message, ("keep", index), "put another mode first under `modes`, or remove the rule")
 
     # --- inputs ------------------------------------------------------------------------------------------------------

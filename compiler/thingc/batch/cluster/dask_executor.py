@@ -205,10 +205,8 @@ class DaskCluster(Cluster):
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Disconnect from the scheduler. The scheduler and its workers continue to run."""
-        try:
+        with contextlib.suppress(Exception):  # the scheduler may be gone
             self._client.close(5.0)
-        except Exception:  # the scheduler may be gone
-            pass
 
     def _lost(self, reason: str) -> BatchFault:
         return BatchFault(

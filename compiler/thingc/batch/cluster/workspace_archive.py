@@ -45,14 +45,13 @@ MODIFIED = 946_684_800
 class WorkspaceArchive(FrozenStruct):
     """A workspace that has been packed into an archive.
 
-    `root` is the absolute path of the workspace on this machine. `data` is a tar archive compressed with zlib, `sha256` (hex) is the hash
-    of the uncompressed archive, and `names` is its number of entries.
+    `root` is the absolute path of the workspace on this machine. `data` is a tar archive compressed with zlib, and `sha256` (hex) is the
+    hash of the uncompressed archive.
     """
 
     root: str
     sha256: str
     data: bytes
-    names: int
 
     def unpack(self, folder: str) -> None:
         """Unpack the workspace from the archive into a new folder. Files outside this folder are never written.
@@ -91,7 +90,7 @@ def pack(plan: Plan, batch: str) -> WorkspaceArchive:
         for name in sorted(names):
             _put(archive, workspace, name, plan.inputs.get(name))
     data = stream.getvalue()
-    return WorkspaceArchive(root=workspace.root, sha256=hashlib.sha256(data).hexdigest(), data=zlib.compress(data), names=len(names))
+    return WorkspaceArchive(root=workspace.root, sha256=hashlib.sha256(data).hexdigest(), data=zlib.compress(data))
 
 
 class _Search:

@@ -44,7 +44,7 @@ class DocumentNumbers:
     @cached_property
     def space(self) -> SearchSpace:
         """The search space of the axes of the variants document, or of the parameters of the assembly document."""
-        return self.parameters if self._plan is None else of_axes(self._plan.axes, {**self._plan.own, **self._plan.paths.own})
+        return self.parameters if self._plan is None else of_axes(self._plan.axes, self._plan.document_values)
 
     def values(self, items: Sequence[ParsedSettings]) -> list[dict[str, float]]:
         """Return the values [SI] of all numbers for each set of settings, keyed by name, as `RobotFamily.numbers` describes."""

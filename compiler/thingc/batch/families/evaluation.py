@@ -21,7 +21,7 @@ from thingc.batch.plans.planner import Planner
 from thingc.batch.plans.refusals import Refusals
 from thingc.batch.plans.row_paths import FEW, compute_rows
 from thingc.batch.plans.searches import SearchMemo
-from thingc.batch.plans.tape import Number, Tape
+from thingc.batch.plans.tape import Number
 from thingc.batch.plans.trace_compilation import NotTraceable, TraceResult
 from thingc.batch.rules import violations
 from thingc.documents.expressions.evaluation import ExpressionValue
@@ -185,10 +185,7 @@ class Evaluation(Planner[TracedResults, Measured]):
             shape = TracedResults(trace.result, first[1])
             return shape.outputs, shape
 
-        def compute_results(compilation: Compilation, tape: Tape) -> Results:
-            return self._results(compilation, SearchMemo(tape))
-
-        return self.new_plan(parsed, cache, first, compute_results, finish)
+        return self.new_plan(parsed, cache, first, lambda compilation, tape: self._results(compilation, SearchMemo(tape)), finish)
 
     def _results(self, compilation: Compilation, memo: Memo | None = None) -> Results:
         if self.tests:

@@ -165,8 +165,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
         """Compute a model with a plan."""
         if isinstance(plan.template, ModelTemplate):
             return self._by_text(plan, plan.template, parsed, outputs)
-        plan.template.put(plan.template.prepare([outputs]), 0)
-        return plan.template.model
+        return plan.template.put(plan.template.prepare([outputs]), 0)
 
     def _by_text(
         self, plan: NumericPlan[Any], template: ModelTemplate, parsed: ParsedSettings, outputs: tuple[float, ...],
@@ -216,10 +215,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
             if prepared is None:
                 model = self._by_text(plan, plan.template, item[1], outputs)
             else:
-                if is_due or not share:
-                    plan.template.undo_changes()
-                plan.template.put(prepared, index)
-                model = plan.template.share_model() if share else plan.template.model
+                model = plan.template.put(prepared, index, share=share, exact=is_due)
             if is_due and not self.confirms(model, self.run_passes(item[1]), item[1], self.cache_for(item[1])):
                 for wrong, _, _ in waiting[index:]:
                     yield self._compile_cached(wrong, share)

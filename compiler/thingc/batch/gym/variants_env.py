@@ -185,9 +185,7 @@ def _descriptors(family: BatchResults, columns: Sequence[str]) -> dict[str, Arra
 
     The cells of each column are scaled to [-1, 1] over all variants. Raises `FamilyError` if a cell is not a number.
     """
-    table = np.zeros((len(family), len(columns)))
-    for k, name in enumerate(columns):
-        table[:, k] = _numbers(family, name)
+    table = np.array([_numbers(family, name) for name in columns]).reshape(len(columns), len(family)).T
     low, high = table.min(axis=0), table.max(axis=0)
     span = np.where(high > low, high - low, 1.0)
     scaled = np.where(high > low, 2.0 * (table - low) / span - 1.0, 0.0)

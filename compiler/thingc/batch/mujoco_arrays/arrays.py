@@ -159,16 +159,8 @@ class Arrays:
         self._small: dict[int, Bodies] = {}
         self._geoms = [self._colliding(int(body)) for body in self._numbers.bodies]
 
-    def share_model(self) -> mujoco.MjModel:
-        """Return the compiled model itself instead of a copy.
-
-        The caller can modify the model, and `undo_changes` undoes these modifications.
-        """
-        self._is_shared = True
-        return self.model
-
     def undo_changes(self) -> None:
-        """Undo the modifications of callers, so that `put` creates the exact model of a variant."""
+        """Undo the modifications of callers to a shared model, so that `put` creates the exact model of a variant."""
         if self._is_shared:
             restore(self.model, self._first)
         self._is_shared = False
@@ -224,7 +216,7 @@ class Arrays:
         small = self._small.get(copies)
         if small is None:
             small = self._small[copies] = Bodies(self._text, self._assets, self._numbers.names, copies)
-        worked = small.compute_inertials(inertials)
+        moments, axes, boxes_of_bodies = small.compute_inertials(inertials)
         writes = []
 
         def write(field: str, rows: Array, block: Array) -> None:
@@ -233,19 +225,26 @@ class Arrays:
             at = (rows[:, None] * width + np.arange(width)).reshape(-1)
             writes.append((field, target.reshape(-1), at, block.reshape(len(block), -1)))
 
-        for field, block in zip(INERTIAL, (inertials[:, :, 0], inertials[:, :, 1:4], worked.inertia, worked.axes)):
+        for field, block in zip(INERTIAL, (inertials[:, :, 0], inertials[:, :, 1:4], moments, axes)):
             write(field, self._numbers.bodies, block)
-        for body, boxes, geoms in zip(self._numbers.bodies, worked.boxes, self._geoms):
+        for body, boxes, geoms in zip(self._numbers.bodies, boxes_of_bodies, self._geoms):
             if len(geoms):
                 rows = int(model.body_bvhadr[body]) + np.arange(int(model.body_bvhnum[body]))
                 for field in BOXES:
                     write(field, rows, geoms[boxes[field]] if field == "bvh_nodeid" else boxes[field])
         return writes
 
-    def put(self, prepared: Prepared, index: int) -> None:
-        """Write the array elements of the variant with this index to `model`."""
+    def put(self, prepared: Prepared, index: int, *, share: bool = False, exact: bool = True) -> mujoco.MjModel:
+        """Write the array elements of the variant with this index to `model`, and return it.
+
+        With `share`, the caller can modify the returned model. Earlier modifications are undone first, except with `share` and without
+        `exact`.
+        """
         import mujoco
 
+        if exact or not share:
+            self.undo_changes()
+        self._is_shared |= share
         model = self.model
         for target, at, block in prepared.writes:
             target[at] = block[index]
@@ -256,6 +255,7 @@ class Arrays:
             if relaxed := self._numbers.relaxed:
                 model.tendon_lengthspring[relaxed] = self._data.ten_length[relaxed, None]
             self._statistics.write(prepared.statistics, index)
+        return model
 
 
 @dataclass(slots=True)
@@ -302,44 +302,34 @@ class Bodies:
         meshes.extend(mesh for mesh in root.iterfind("asset/mesh") if mesh.get("name") in used)
         small.insert(len(small) - 1, meshes)
         mesh_files = {file: assets[file] for mesh in meshes if (file := mesh.get("file"))}  # prisms do not have a file
-        self.names = tuple(names)
         self.copies = copies
         self._spec = mujoco.MjSpec.from_string(ElementTree.tostring(small, encoding="unicode"), assets=mesh_files)
         self._spec.compiler.usethread = False
-        self._bodies = [self._spec.body(f"{name}#{index}") for name in names for index in range(copies)]
+        self._bodies = [[self._spec.body(f"{name}#{index}") for index in range(copies)] for name in names]
 
-    def compute_inertials(self, inertials: Array) -> BodyArrays:
+    def compute_inertials(self, inertials: Array) -> tuple[Array, Array, list[dict[str, Array]]]:
         """Compute the principal axes and the aligned bounding boxes of the bodies of several variants.
 
         The number of variants must not exceed the number of copies. `inertials` (variants, bodies, 10) contains the mass, the centre of
         mass and the inertia of each body, in the order of `fullinertia`. Raises `ValueError` if MuJoCo rejects a variant.
+
+        Return the principal moments (copies, bodies, 3), the quaternions of the principal axes (copies, bodies, 4), and the fields of the
+        bounding volume tree of each body.
         """
-        count = len(inertials)
-        for b in range(len(self.names)):
-            for k in range(self.copies):
-                body, numbers = self._bodies[b * self.copies + k], inertials[min(k, count - 1), b]
-                body.mass, body.ipos, body.fullinertia = numbers[0], numbers[1:4], numbers[4:]
-        return BodyArrays(self._spec.compile(), self.copies, len(self.names))
-
-
-class BodyArrays:
-    """The fields of a MuJoCo model for several copies of some bodies.
-
-    `inertia` (copies, bodies, 3) contains principal moments, and `axes` (copies, bodies, 4) contains the quaternions of the principal axes.
-    `boxes` contains the fields of the bounding volume tree of each body.
-    """
-
-    def __init__(self, model: mujoco.MjModel, copies: int, bodies: int) -> None:
         import numpy as np
 
-        ids = np.arange(1, 1 + copies * bodies).reshape(bodies, copies)
-        self.inertia = model.body_inertia[ids.T]
-        self.axes = model.body_iquat[ids.T]
-        self.boxes: list[dict[str, Array]] = []
-        for b in range(bodies):
-            first, count = int(model.body_bvhadr[ids[b][0]]), int(model.body_bvhnum[ids[b][0]])
+        copies, last = self.copies, len(inertials) - 1
+        for b, bodies in enumerate(self._bodies):
+            for k, body in enumerate(bodies):
+                numbers = inertials[min(k, last), b]
+                body.mass, body.ipos, body.fullinertia = numbers[0], numbers[1:4], numbers[4:]
+        model = self._spec.compile()
+        ids = np.arange(1, 1 + copies * len(self._bodies)).reshape(-1, copies)
+        boxes: list[dict[str, Array]] = []
+        for indices in ids:
+            first, count = int(model.body_bvhadr[indices[0]]), int(model.body_bvhnum[indices[0]])
             rows = (first if count else 0) + np.arange(count * copies).reshape(copies, count)
             own = {name: getattr(model, name)[rows] for name in BOXES}
-            geoms = model.body_geomadr[ids[b]]
-            own["bvh_nodeid"] = np.where(own["bvh_nodeid"] >= 0, own["bvh_nodeid"] - geoms[:, None], -1)
-            self.boxes.append(own)
+            own["bvh_nodeid"] = np.where(own["bvh_nodeid"] >= 0, own["bvh_nodeid"] - model.body_geomadr[indices][:, None], -1)
+            boxes.append(own)
+        return model.body_inertia[ids.T], model.body_iquat[ids.T], boxes

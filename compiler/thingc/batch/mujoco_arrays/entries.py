@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element
@@ -49,34 +49,31 @@ TENSED = frozenset(("qpos_spring", "site_pos"))
 INERTIAL = ("body_mass", "body_ipos", "body_inertia", "body_iquat")
 """Names of the fields that contain the mass properties of a body."""
 
-_JOINT = {
-    "damping": "dof_damping", "frictionloss": "dof_frictionloss", "armature": "dof_armature", "stiffness": "jnt_stiffness",
-    "range": "jnt_range", "pos": "jnt_pos", "actuatorfrcrange": "jnt_actfrcrange",
-}
-_PLAIN = {
+_FIELDS = {
+    ("joint", "damping"): "dof_damping", ("joint", "frictionloss"): "dof_frictionloss", ("joint", "armature"): "dof_armature",
+    ("joint", "stiffness"): "jnt_stiffness", ("joint", "range"): "jnt_range", ("joint", "pos"): "jnt_pos",
+    ("joint", "actuatorfrcrange"): "jnt_actfrcrange", ("joint", "springref"): "qpos_spring", ("equality", "polycoef"): "eq_data",
     ("body", "pos"): "body_pos", ("body", "quat"): "body_quat", ("site", "pos"): "site_pos", ("site", "quat"): "site_quat",
     ("key", "qpos"): "key_qpos", ("key", "ctrl"): "key_ctrl", ("key", "mpos"): "key_mpos", ("key", "mquat"): "key_mquat",
-    ("geom", "friction"): "geom_friction",
+    ("geom", "friction"): "geom_friction", ("numeric", "data"): "numeric_data",
+    ("tendon", "range"): "tendon_range", ("tendon", "stiffness"): "tendon_stiffness", ("tendon", "damping"): "tendon_damping",
+    ("tendon", "frictionloss"): "tendon_frictionloss", ("tendon", "armature"): "tendon_armature",
+    ("tendon", "springlength"): "tendon_lengthspring", ("actuator", "ctrlrange"): "actuator_ctrlrange",
+    ("actuator", "forcerange"): "actuator_forcerange", ("actuator", "delay"): "actuator_delay",
 }
+"""Fields that contain numbers unchanged, by kind of element and attribute."""
 _GEOMETRY = {
     ("geom", "pos"): "geom_pos", ("geom", "quat"): "geom_quat", ("geom", "size"): "geom_size", ("camera", "pos"): "cam_pos",
     ("camera", "quat"): "cam_quat",
 }
 """Fields with numbers from which MuJoCo's compiler also computes other fields, by element and attribute."""
-_TENDON = {
-    "range": "tendon_range", "stiffness": "tendon_stiffness", "damping": "tendon_damping", "frictionloss": "tendon_frictionloss",
-    "armature": "tendon_armature", "springlength": "tendon_lengthspring",
-}
-_ACTUATOR = {"ctrlrange": "actuator_ctrlrange", "forcerange": "actuator_forcerange", "delay": "actuator_delay"}
 _GAINS = {
     ("position", "kp"): (("actuator_gainprm", 0, 1.0), ("actuator_biasprm", 1, -1.0)),
     ("position", "kv"): (("actuator_biasprm", 2, -1.0),),
     ("velocity", "kv"): (("actuator_gainprm", 0, 1.0), ("actuator_biasprm", 2, -1.0)),
 }
 _GROUPS = {"option": "opt", "statistic": "stat"}
-_DRIVES = ("position", "velocity", "motor", "adhesion")
-_TENDONS = ("fixed", "spatial")
-_KINDS = {**dict.fromkeys(_DRIVES, "actuator"), **dict.fromkeys(_TENDONS, "tendon")}
+_KINDS = {**dict.fromkeys(("position", "velocity", "motor", "adhesion"), "actuator"), **dict.fromkeys(("fixed", "spatial"), "tendon")}
 """For MJCF tags whose accessor in `MjModel` has a different name, the name of this accessor."""
 
 
@@ -166,7 +163,6 @@ def walk(root: Element) -> Iterator[tuple[Element, Element]]:
 def _places(model: Any, element: Element, above: Element, attribute: str, k: int, geometry: bool) -> list[Entry]:
     tag = element.tag
     unknown = NotAnArrayEntry(f"{tag}.{attribute}")
-    name = element.get("name", "")
     if tag in _GROUPS:
         value = getattr(getattr(model, _GROUPS[tag]), attribute, None)
         if value is None or isinstance(value, int):
@@ -174,49 +170,29 @@ def _places(model: Any, element: Element, above: Element, attribute: str, k: int
         return [Entry(field=f"{_GROUPS[tag]}.{attribute}", index=k)]
     if above.tag == "fixed" and attribute == "coef":
         return [_at(model, "wrap_prm", int(model.tendon_adr[model.tendon(above.get("name", "")).id]) + list(above).index(element), 0)]
-    owner = _owner(model, element)
-    if owner is None or not name:
-        raise unknown
-    if tag in _TENDONS and attribute in _TENDON:
-        pair = attribute == "springlength" and len(element.get(attribute, "").split()) == 1
-        return [_at(model, _TENDON[attribute], owner.id, column) for column in ((0, 1) if pair else (k,))]
-    if tag == "joint" and element.get("joint1") is not None:
-        if attribute != "polycoef":
-            raise unknown
-        return [_at(model, "eq_data", owner.id, k)]
-    if tag == "joint" and attribute == "springref":
-        return [Entry(field="qpos_spring", index=int(model.jnt_qposadr[owner.id]))]
-    if tag == "joint":
-        field = _JOINT.get(attribute)
-        if field is None:
-            raise unknown
-        if not field.startswith("dof_"):
-            return [_at(model, field, owner.id, k)]
-        count = {0: 6, 1: 3}.get(int(model.jnt_type[owner.id]), 1)
-        first = int(model.jnt_dofadr[owner.id])
-        return [Entry(field=field, index=first + dof) for dof in range(count)]
-    if tag == "numeric":
-        return [Entry(field="numeric_data", index=int(model.numeric_adr[owner.id]) + k)]
-    if tag in _DRIVES and attribute in _ACTUATOR:
-        return [_at(model, _ACTUATOR[attribute], owner.id, k)]
-    if (tag, attribute) in _GAINS:
-        return [_at(model, field, owner.id, column, sign) for field, column, sign in _GAINS[tag, attribute]]
-    plain = {**_PLAIN, **_GEOMETRY} if geometry else _PLAIN
-    free = tag == "body" and element.find("freejoint") is not None
-    if (tag, attribute) not in plain or (free and not geometry):
-        raise unknown
-    place = _at(model, plain[tag, attribute], owner.id, k)
-    first = int(model.jnt_qposadr[model.body_jntadr[owner.id]]) + (3 if attribute == "quat" else 0) if free else 0
-    return [place, *(Entry(field=field, index=first + k) for field in ("qpos0", "qpos_spring") if free)]
-
-
-def _owner(model: Any, element: Element) -> Any:
-    kind = "equality" if element.tag == "joint" and element.get("joint1") else _KINDS.get(element.tag, element.tag)
-    accessor: Callable[[str], Any] | None = getattr(model, kind, None)
+    name = element.get("name")
+    kind = "equality" if tag == "joint" and element.get("joint1") else _KINDS.get(tag, tag)
     try:
-        return accessor(element.get("name", "")) if accessor is not None else None
-    except KeyError:
-        return None
+        owner = getattr(model, kind)(name) if name else None
+    except (AttributeError, KeyError):
+        owner = None
+    if owner is not None and (tag, attribute) in _GAINS:
+        return [_at(model, field, owner.id, column, sign) for field, column, sign in _GAINS[tag, attribute]]
+    field = _FIELDS.get((kind, attribute)) or (_GEOMETRY.get((kind, attribute)) if geometry else None)
+    free = tag == "body" and element.find("freejoint") is not None
+    if owner is None or field is None or (free and not geometry):
+        raise unknown
+    if field.startswith("dof_"):
+        first, count = int(model.jnt_dofadr[owner.id]), {0: 6, 1: 3}.get(int(model.jnt_type[owner.id]), 1)
+        return [Entry(field=field, index=first + dof) for dof in range(count)]
+    if field == "qpos_spring":
+        return [Entry(field=field, index=int(model.jnt_qposadr[owner.id]))]
+    if field == "numeric_data":
+        return [Entry(field=field, index=int(model.numeric_adr[owner.id]) + k)]
+    if field == "tendon_lengthspring" and len(element.get(attribute, "").split()) == 1:
+        return [_at(model, field, owner.id, column) for column in (0, 1)]
+    first = int(model.jnt_qposadr[model.body_jntadr[owner.id]]) + (3 if attribute == "quat" else 0) if free else 0
+    return [_at(model, field, owner.id, k), *(Entry(field=other, index=first + k) for other in ("qpos0", "qpos_spring") if free)]
 
 
 def _at(model: Any, field: str, row: int, column: int, sign: float = 1.0) -> Entry:

@@ -133,13 +133,11 @@ class _Kind:
             return None
         self._computed += 1
         is_due = self._computed & (self._computed - 1) == 0
-        if is_due or not share:
-            self._arrays.undo_changes()
-        self._arrays.put(prepared, index)
-        if is_due and different_fields(self._arrays.model, model_text.compiled()):
+        model = self._arrays.put(prepared, index, share=share, exact=is_due)
+        if is_due and different_fields(model, model_text.compiled()):
             self._slow = True
             return None
-        return self._arrays.share_model() if share else self._arrays.model
+        return model
 
     def _with_attributes(self, others: Iterable[int]) -> Arrays:
         """Return an `Arrays` object for which further attributes of the XML can have different numbers."""

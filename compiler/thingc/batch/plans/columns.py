@@ -128,18 +128,15 @@ def _call_per_row(function: Callable[..., Any], arguments: Sequence[Any], ok: Bo
 
     If a call fails, set the flag of this setting in `ok` to False.
     """
-    rows = zip(*(argument.tolist() if isinstance(argument, np.ndarray) else repeat(argument, len(ok)) for argument in arguments))
+    rows = list(zip(*(argument.tolist() if isinstance(argument, np.ndarray) else repeat(argument, len(ok)) for argument in arguments)))
     try:
         results = [function(*row) for row in rows]
-        return results if isinstance(results[0], tuple) else np.array(results)
     except (ArithmeticError, ValueError):
-        pass
-    rows = zip(*(argument.tolist() if isinstance(argument, np.ndarray) else repeat(argument, len(ok)) for argument in arguments))
-    results_or_none = [_attempt(function, row) for row in rows]
-    ok &= np.array([result is not None for result in results_or_none])
-    filler = next((result for result in results_or_none if result is not None), np.nan)
-    results = [filler if result is None else result for result in results_or_none]
-    return results if isinstance(filler, tuple) else np.array(results)
+        results = [_attempt(function, row) for row in rows]
+        ok &= np.array([result is not None for result in results])
+        filler = next((result for result in results if result is not None), np.nan)
+        results = [filler if result is None else result for result in results]
+    return results if isinstance(results[0], tuple) else np.array(results)
 
 
 def _attempt(function: Callable[..., Any], row: Iterable[Any]) -> Any:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from thingc.batch.plans.program import Argument, Operation, Program, compile_function, namespace, operand
+from thingc.batch.plans.program import Argument, Operation, Program, namespace, operand
 from thingc.batch.plans.tape import OPERATORS, Const, Ref
 
 Floats = npt.NDArray[np.float64]
@@ -264,15 +264,13 @@ def _generate_function(program: Program, steps: Sequence[Step], decisions: Seque
     The generated function returns all values by name instead of the Jacobian at a kink, for a comparison between equal numbers, and without
     `code`.
     """
-    text = [f"def run({', '.join(f'v{index}' for index in program.variables)}):"]
-    text += program.code
-    outputs = "".join(f"{operand(output)}, " for output in program.outputs)
     tests = [*(test for test, _ in decisions), *(step.kink for step in steps if step.kink)]
-    text.append(f" if {'True' if code is None else ' or '.join(tests) or 'False'}: return ({outputs}), locals()")
     statements, entries = code or ([], [])
-    text += [f" {statement}" for statement in statements]
-    text.append(f" return ({outputs}), ({''.join(f'{entry}, ' for entry in entries)})")
-    return compile_function("run", text, program.operations)  # type: ignore[no-any-return]
+    return program.compile_function([  # type: ignore[no-any-return]
+        f" if {'True' if code is None else ' or '.join(tests) or 'False'}: return {program.output_code}, locals()",
+        *(f" {statement}" for statement in statements),
+        f" return {program.output_code}, ({''.join(f'{entry}, ' for entry in entries)})",
+    ])
 
 
 def _forward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -> Code:
@@ -362,7 +360,7 @@ def _by_arrays(program: Program, steps: Sequence[Step], varying: Sequence[int], 
         branches = [zero, *inner]
         if at_kink and step.operation in EXTREMES:
             result = values[f"v{step.target}"]
-            branches = [one for one, argument in zip(inner, step.arguments, strict=True) if _number(argument, values) == result]
+            branches = [one for one, argument in zip(inner, map(operand, step.arguments)) if eval(argument, functions, values) == result]
         if not at_kink:
             terms = [eval(step.code(step.rule.partial(place)), functions, values) * inner[place] for place in step.varying]
             known[step.target] = np.sum(terms, axis=0)
@@ -379,10 +377,6 @@ def _by_arrays(program: Program, steps: Sequence[Step], varying: Sequence[int], 
         if reason is not UNKNOWN and np.isnan(known[_index(output)]).any():
             raise NotSmooth(row, reason.why)
     return np.array([known.get(_index(one), zero) for one in program.outputs]).reshape(len(program.outputs), len(zero))
-
-
-def _number(argument: Argument, values: dict[str, float]) -> float:
-    return values[operand(argument)] if isinstance(argument, Ref) else float(argument.value)
 
 
 def _steps_of(program: Program, variables: Sequence[int]) -> list[Step]:

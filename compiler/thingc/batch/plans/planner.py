@@ -262,7 +262,7 @@ class Planner(PlanMaker[Template, Result]):
             return None
         cache = self.cache_for(parsed)
         known = cache.find(parsed)
-        if known is not None or self.refusals.applies(parsed) or not cache.should_create_plan(parsed):
+        if known is not None or self.refusals.problems(parsed) is not None or not cache.should_create_plan(parsed):
             return known
         plan = self.plan(parsed, cache)
         if plan is None:

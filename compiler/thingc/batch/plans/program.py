@@ -66,22 +66,27 @@ class Program:
         If the compiler would make another decision or fail for the given values, this function returns None, or raises `ArithmeticError` or
         `ValueError`.
         """
-        text = [f"def run({', '.join(f'v{index}' for index in self.variables)}):", *self.code]
-        text.append(f" return ({''.join(f'{operand(output)}, ' for output in self.outputs)})")
-        run: Run = compile_function("run", text, self.operations)
+        run: Run = self.compile_function([f" return {self.output_code}"])
         return run
 
     @property
-    def code(self) -> list[str]:
-        """The source lines of a Python function that executes the statements of the program.
+    def output_code(self) -> str:
+        """The tuple of the outputs as a Python expression."""
+        return f"({''.join(f'{operand(output)}, ' for output in self.outputs)})"
 
-        The function returns None if a guard has a different outcome.
+    def compile_function(self, lines: Sequence[str]) -> Any:
+        """Compile a Python function of the variables, which executes the statements of the program and then the source code in `lines`.
+
+        The function returns None if a guard has a different outcome. The code can use all names that the function `namespace` returns.
         """
-        return [
+        statements = [
             f" v{statement.target} = {expression(statement.operation, statement.arguments)}" if isinstance(statement, Operation)
             else f" if {'not ' * statement.outcome}{expression(statement.operation, statement.arguments)}: return None"
             for statement in self.statements
         ]
+        scope = namespace(self.operations)
+        exec("\n".join([f"def run({', '.join(f'v{index}' for index in self.variables)}):", *statements, *lines]), scope)
+        return scope["run"]
 
     @cached_property
     def needed(self) -> frozenset[int]:
@@ -110,16 +115,6 @@ def program_of(tape: Tape, outputs: Sequence[Any]) -> Program:
             statements[Operation(index, operation, arguments)] = None
     variables = tuple(index for index, (operation, _) in enumerate(tape.lines) if operation == "variable")
     return Program(variables, tuple(statements), results, dict(tape.operations))
-
-
-def compile_function(name: str, lines: Sequence[str], operations: Mapping[str, Callable[..., Any]] = {}) -> Any:
-    """Compile generated Python source code, and return the function `name` that the code defines.
-
-    The code can use all names that the function `namespace` returns.
-    """
-    scope = namespace(operations)
-    exec("\n".join(lines), scope)
-    return scope[name]
 
 
 def expression(operation: str, arguments: Sequence[Argument]) -> str:

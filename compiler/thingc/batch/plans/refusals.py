@@ -63,10 +63,6 @@ class Refusals(PlanMaker["DiagnosticsTemplate", Diagnostics]):
             self._last = parsed, self._problems(parsed)
         return self._last[1]
 
-    def applies(self, parsed: ParsedSettings) -> bool:
-        """Return whether a plan shows that the given settings are refused."""
-        return self.problems(parsed) is not None
-
     def learn(self, parsed: ParsedSettings, problems: Diagnostics) -> None:
         """Record that a compilation of these settings has failed with the diagnostics `problems`.
 

@@ -54,13 +54,13 @@ def check_calibration(document: Document, assembly: Assembly, report: Report) ->
     spec = validate_one(document, report)
     if not isinstance(spec, CalibrationSpec):
         return Calibration(document=document)
-    reader = _Reader(document, spec, assembly, report)
+    reader = _Reader(document, assembly, report)
     joints = (reader.calibrated_joint(name, motor) for name, motor in spec.joints.items())
     return Calibration(document=document, joints=tuple(one for one in joints if one is not None))
 
 
 class _Reader:
-    def __init__(self, document: Document, spec: CalibrationSpec, assembly: Assembly, report: Report) -> None:
+    def __init__(self, document: Document, assembly: Assembly, report: Report) -> None:
         self.document, self.report = document, report
         self.joints: dict[str, JointEdge] = {joint.name: joint for joint in joints_of(assembly)}
 

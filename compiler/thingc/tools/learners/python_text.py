@@ -32,8 +32,8 @@ class PythonCall(FrozenStruct, kw_only=False):
 
 def module(robot: Robot, framework: str, imports: Iterable[str], body: Iterable[str]) -> bytes:
     """Return the text of a module for a mode. `imports` and `body` contain blocks of code, which are separated by empty lines."""
-    said = escape_control(heading(robot.assembly.definition.document, robot.mode.name))
-    title = f'# {said}\n"""The robot `{robot.assembly.name}` in the mode `{robot.mode.name}`, for {framework}."""'
+    header = escape_control(heading(robot.assembly.definition.document, robot.mode.name))
+    title = f'# {header}\n"""The robot `{robot.assembly.name}` in the mode `{robot.mode.name}`, for {framework}."""'
     return ("\n\n".join([title, *imports, *body]) + "\n").encode()
 
 

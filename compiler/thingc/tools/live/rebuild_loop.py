@@ -102,7 +102,7 @@ class RebuildLoop:
         self._geometry: GeometryService | None = None
         self._last_geometry: GeometryService | None = None
         self._watched = FileWatcher(self.document)
-        self._last: Mapping[str, str] | None = None
+        self._last: Mapping[str, str] = {}
         self._documents: frozenset[str] = frozenset()
         self._number = 0
         self._failed = False
@@ -196,18 +196,16 @@ class RebuildLoop:
         self._modelled |= _built_parts(built)
         if more:
             return Rebuild(number=self._number, saved=saved, seconds=0.0, diagnostics=()), more
-        now = _digests(built.files) if good and built is not None and built.files is not None else None
-        previous = self._last if self._last is not None and now is not None else now
-        changed = () if now is None or previous is None else tuple(sorted(
-            path for path in {*previous, *now} if previous.get(path) != now.get(path)
-        ))
+        now = _digests(built.files) if good and built is not None and built.files is not None else self._last
+        previous = self._last or now
+        changed = tuple(sorted(path for path in {*previous, *now} if previous.get(path) != now.get(path)))
         self._number += 1
         rebuild = Rebuild(
             number=self._number, saved=saved, seconds=time.perf_counter() - started, diagnostics=tuple(diagnostics), good=good, built=built,
-            folder=folder, changed=changed, recovered=self._failed and good, kept=not good and self._last is not None,
+            folder=folder, changed=changed, recovered=self._failed and good, kept=not good and bool(self._last),
             modelled=self._modelled, kernel=self._workers.busy(begun),
         )
-        self._failed, self._last = not good, now if now is not None else self._last
+        self._failed, self._last = not good, now
         return rebuild, ()
 
     def _build(self, wish: BuildRequest) -> BuildResult:
