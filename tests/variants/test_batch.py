@@ -613,7 +613,8 @@ def test_incomplete_last_line_is_removed(tmp_path: Path, torn: int) -> None:
     assert [line["index"] for _, line in lines(path.read_bytes().splitlines(keepends=True))] == [0, 1, 2]
     with Journal(str(path)) as journal:
         journal.append({"index": 3, "id": "z"})
-    assert [line["index"] for _, line in lines(path.read_bytes().splitlines(keepends=True))] == [0, 1, 2, 3] and path.read_bytes().startswith(whole)
+    assert [line["index"] for _, line in lines(path.read_bytes().splitlines(keepends=True))] == [0, 1, 2, 3]
+    assert path.read_bytes().startswith(whole)
 
 
 def test_later_line_of_a_variant_is_used(tmp_path: Path) -> None:

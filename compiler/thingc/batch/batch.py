@@ -411,20 +411,17 @@ class _Batch:
         del self.submitted[row["index"]]
 
     def _write_line(self, journal: Journal | PackedWriter, variant: Variant, row: Row) -> None:
+        path = sealed_path(variant.index) if self.layout == PACKED else f"{folder_layout.VARIANTS}/{variant.id}"
         line = {
             "index": variant.index, "id": variant.id, "name": variant.name, "status": row["status"],
             "parameters": dict(variant.values), "choices": self.plan.choices_of(variant),
             **{key: value for key, value in row.items() if key not in ("index", "id", "status")},
-            "path": self._path(variant) if row["status"] == "built" else None,
+            "path": path if row["status"] == "built" else None,
             "command": shlex.join(self.plan.command(variant)),
         }
         journal.append(line)
         self.done[variant.index] = True
         self.counts[row["status"]] += 1
-
-    def _path(self, variant: Variant) -> str:
-        """Return the path of the files of a built variant, relative to the folder of the batch."""
-        return sealed_path(variant.index) if self.layout == PACKED else f"{folder_layout.VARIANTS}/{variant.id}"
 
     def _drain(self, journal: Journal | PackedWriter) -> None:
         """Record the results of all variants that were finished before the runner processes were ended."""

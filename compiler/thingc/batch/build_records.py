@@ -124,7 +124,7 @@ class BuildRecords:
                 return self.done[self._ids.index(int(key, 16))]
         number = re.search("[0-9]+$", key)
         index = int(number[0]) if number is not None else -1  # default names; documents can define other names
-        if _contains(self.done, index) and self.line(index)["name"] == key:
+        if contains(self.done, index) and self.line(index)["name"] == key:
             return index
         return next((head[0] for chunk in _chunks(self.folder) for head in chunk.heads() if head[2] == key), None)
 
@@ -214,7 +214,7 @@ def unpack(folder: str, index: int) -> str:
     return folder_layout.variant_folder(folder, id)
 
 
-def _contains(indices: Sequence[int], index: int) -> bool:
+def contains(indices: Sequence[int], index: int) -> bool:
     """Return whether the sorted sequence `indices` contains `index`."""
     at = bisect_left(indices, index)
     return at < len(indices) and indices[at] == index

@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import re
 import xml.etree.ElementTree as ElementTree
-from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -24,7 +23,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr, format_count
 from thingc.base.suggestions import Hint, did_you_mean
 from thingc.batch import folder_layout
-from thingc.batch.build_records import BuildRecords, File, VariantFiles, unpack
+from thingc.batch.build_records import BuildRecords, File, VariantFiles, contains, unpack
 from thingc.batch.folder import check_chunks, read_batch
 from thingc.batch.folder_layout import Line
 from thingc.batch.mesh_files import MeshFiles
@@ -277,8 +276,7 @@ class BatchResults(Sequence[BuiltVariant]):
         if index is None:
             names = [name for variant in islice(self, NAMES) for name in (variant.name, variant.id)]
             raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`", did_you_mean(key, names, what="variants"))
-        at = bisect_left(self._indices, index)
-        if at == len(self) or self._indices[at] != index:
+        if not contains(self._indices, index):
             row = _row(self.records.line(index))
             known = f"its status is `{row['status']}`" if row["status"] != "built" else "the variant is not loaded"
             raise UnknownVariant(f"the variant `{key}` is not available: {known}{_because(row)}")

@@ -212,10 +212,11 @@ def _leading(values: Any) -> Any:
 def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVariant) -> None:
     """Raise `StructuresDiffer` if the MuJoCo models of two variants differ in a field that `changeable_fields` does not contain."""
     variants = f"in `{first.name}` and `{second.name}`"
-    here, there = element_names(model), element_names(other)
+    elements, other_elements = element_names(model), element_names(other)
     for kind, _, count in _KINDS.values():
-        if here[kind] != there[kind]:
-            only = [name for name in (*here[kind], *there[kind]) if (name in here[kind]) != (name in there[kind])]
+        if elements[kind] != other_elements[kind]:
+            unmatched = {*elements[kind]} ^ {*other_elements[kind]}
+            only = [name for name in (*elements[kind], *other_elements[kind]) if name in unmatched]
             which = f"`{only[0]}` exists in only one of the two models" if only else "their order differs"
             raise StructuresDiffer(count, f"the elements of kind `{kind}` differ {variants}: {which}")
     differing = [name for name in different_fields(model, other) if name not in changeable_fields() and name not in _FOLLOW]

@@ -134,10 +134,10 @@ def evaluate_on_worker(name: str, job: str, tasks: Sequence[Variant], timeout: f
         raise RunnersBroken(f"a worker cannot unpack the workspace: {_REFUSED[name]}", "")
     place = _worker_folder(name)
 
-    def still(row: Row) -> None:
+    def check_workspace(row: Row) -> None:
         _worker_folder(name)  # this raises an exception if the batch has ended
 
-    return Answer(place=place, rows=evaluate(_localize(job, place), tasks, timeout, still))
+    return Answer(place=place, rows=evaluate(_localize(job, place), tasks, timeout, check_workspace))
 
 
 @lru_cache(maxsize=4)
@@ -296,16 +296,16 @@ class RemoteExecutor(Cluster):
             files |= {path: StoredArtifact(sha256=sha256, size=0) for path, sha256 in row.pop(SHARED).items()}
             write_variant(self.folder, row["id"], files, SharedAssets(self.folder))
 
-    def _replace_paths(self, said: Any, work: str, key: str = "") -> Any:
-        """In a row of results, replace all paths on the worker by paths on this machine."""
-        if isinstance(said, dict):
-            return {name: value if name == FILES else self._replace_paths(value, work, name) for name, value in said.items()}
-        if isinstance(said, list):
-            return [self._replace_paths(value, work) for value in said]
-        if not isinstance(said, str) or work not in said:
-            return said
-        here = said.replace(work, self.transfer.root)
-        return shown_path(here) if key == "file" else here
+    def _replace_paths(self, value: Any, work: str, key: str = "") -> Any:
+        """In a row of results, replace all paths on the worker by paths on this machine. `key` is the key of the value in its mapping."""
+        if isinstance(value, dict):
+            return {name: inner if name == FILES else self._replace_paths(inner, work, name) for name, inner in value.items()}
+        if isinstance(value, list):
+            return [self._replace_paths(inner, work) for inner in value]
+        if not isinstance(value, str) or work not in value:
+            return value
+        text = value.replace(work, self.transfer.root)
+        return shown_path(text) if key == "file" else text
 
 
 def _failed_row(row: Row, message: str) -> Row:

@@ -25,7 +25,6 @@ from thingc.batch.results import FamilyError
 from thingc.batch.run_options import as_names, at_least, is_whole
 from thingc.batch.values import unit_in
 from thingc.batch.variant import Variant
-from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.driver.api import CompileError
 from thingc.driver.environment import Options
@@ -104,7 +103,8 @@ class RobotFamily:
         self._verify = verify
         fixed = {} if self._plan is None else {**self._plan.fixed.parameters, **self._plan.fixed.choices}
         kinds = None if self._plan is None else self._plan.paths.kinds
-        self._reader = SettingsReader(sources, {name: _plain_value(value) for name, value in fixed.items()}, kinds)
+        fixed_values = {name: value.value if isinstance(value, Quantity) else value for name, value in fixed.items()}
+        self._reader = SettingsReader(sources, fixed_values, kinds)
         self._numbers = DocumentNumbers(sources, self._reader, self._plan)
         first = self._session.compile(self._reader.settings(self._reader.read({})))
         if first.assembly is None:
@@ -443,10 +443,6 @@ def is_single(settings: Any) -> bool:
 def as_many(settings: Any) -> Iterable[Any]:
     """Convert an argument, which is a single set of settings or an iterable of several sets, to an iterable."""
     return [settings] if is_single(settings) else settings
-
-
-def _plain_value(value: ExpressionValue | str) -> Any:
-    return value.value if isinstance(value, Quantity) else value
 
 
 def family(

@@ -254,11 +254,9 @@ class FamilyFunction:
     def _derivatives_at(self, parsed: ParsedSettings) -> tuple[tuple[int, ...], Derivatives] | None:
         """Return the same as `_exact_derivatives`, but create a plan if no existing plan applies."""
         derivatives = self._exact_derivatives(parsed)
-        if derivatives is None and parsed.report is None:
-            plan, _ = self._evaluation.plan_at(parsed)
-            if plan is not None:
-                self._restrict(plan)
-                derivatives = self._exact_derivatives(parsed)
+        if derivatives is None and parsed.report is None and (plan := self._evaluation.plan_at(parsed)[0]) is not None:
+            self._restrict(plan)
+            derivatives = self._exact_derivatives(parsed)
         return derivatives
 
     def _exact_derivatives(self, parsed: ParsedSettings) -> tuple[tuple[int, ...], Derivatives] | None:
@@ -415,16 +413,15 @@ class FamilyFunction:
 
         Raises `FamilyError` for an unknown result.
         """
-        settings, parsed = self._item(self.start)
-        results = next(self._evaluation.each([(settings, parsed)], tests=False))
-        if not results.results:
-            raise FamilyError(f"there are no results at {self._format_row(self.start)}: {_errors(results.problems)}")
+        evaluated = next(self._evaluation.each([self._item(self.start)], tests=False))
+        known = evaluated.results
+        if not known:
+            raise FamilyError(f"there are no results at {self._format_row(self.start)}: {_errors(evaluated.problems)}")
         names: list[str] = []
         for name in outputs:
-            known = results.results
             group = [name] if name in known else [key for key in known if key.startswith(f"{name}.") and known[key] is not None]
             if not group:
-                raise FamilyError(f"there is no result `{name}`", did_you_mean(str(name), results.results, what="results"))
+                raise FamilyError(f"there is no result `{name}`", did_you_mean(str(name), known, what="results"))
             names += group
         return tuple(dict.fromkeys(names))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from fnmatch import fnmatchcase
 from math import nan
 
@@ -72,13 +73,11 @@ def sensitivities(
     point = np.array([x[name] for name in function.names])
     values = function.value(point)
     derivatives: dict[tuple[int, int], tuple[float, float, NotDifferentiable | None]] = {}
-    try:
+    with suppress(NotDifferentiable):
         jacobian = function.jacobian(point)
         assert jacobian.error is not None
         entries = zip(np.ndenumerate(jacobian), jacobian.error.flat)
         derivatives = {place: (float(value), float(error), None) for (place, value), error in entries}
-    except NotDifferentiable:
-        pass
     for row, result in enumerate(function.outputs):
         for column, name in enumerate(function.names):
             derivative, error, missing = derivatives.get((row, column)) or _derivative(alone(result, name), x[name])

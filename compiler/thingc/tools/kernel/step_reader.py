@@ -99,11 +99,6 @@ class _Reading:
             self.groups.append(group)
         return self.groups.index(group)
 
-    def group(self, label: TDF_Label, color: str | None, warp: gp_Trsf | None) -> int | None:
-        """Read an assembly. `color` is the colour that an outer assembly assigns, and `warp` a placement that is not rigid."""
-        labels = _labels(partial(XCAFDoc_ShapeTool.GetComponents_s, label))
-        return self.add_group(_name(label), (self._component(one, color, warp) for one in labels))
-
     def _component(self, label: TDF_Label, color: str | None, warp: gp_Trsf | None) -> StepChild | None:
         referred = TDF_Label()
         XCAFDoc_ShapeTool.GetReferredShape_s(label, referred)
@@ -127,10 +122,14 @@ class _Reading:
         return None if known is None else StepChild(name=name, pose=pose @ known.pose, part=known.part, assembly=known.assembly)
 
     def _definition(self, label: TDF_Label, color: str | None, warp: gp_Trsf | None) -> StepChild | None:
-        """Read a part or an assembly. A part with several solids of different colours becomes an assembly."""
+        """Read a part or an assembly. A part with several solids of different colours becomes an assembly.
+
+        `color` is the colour that an outer assembly assigns, and `warp` is a placement that is not rigid.
+        """
         name = _name(label)
         if XCAFDoc_ShapeTool.IsAssembly_s(label):
-            number = self.group(label, color, warp)
+            labels = _labels(partial(XCAFDoc_ShapeTool.GetComponents_s, label))
+            number = self.add_group(name, (self._component(one, color, warp) for one in labels))
             return None if number is None else StepChild(name=name, pose=NO_POSE, assembly=number)
         solids = solids_of(XCAFDoc_ShapeTool.GetShape_s(label))
         if not solids:

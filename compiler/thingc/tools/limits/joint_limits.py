@@ -218,9 +218,10 @@ class LimitSearch:
         skipped = self._skipped_names(sweep)
         prove(sweep, pairs)
         worst = next((pair for verdict in ("touches", "undecided") for pair in pairs if pair.verdict == verdict), None)
+        q = worst.q if worst is not None else {}
         return PairLimits(
             joints=(one.name, other.name), verdict="clear" if worst is None else worst.verdict, contact=self._names(worst),
-            where=self._places(worst.q, (one, other)) if worst is not None else "",
+            where=joints_text(self._robot.assembly, {joint.path: q[joint.path] for joint in (one, other) if joint.path in q}),
             proved=bool(pairs) and all(pair.method == "proved" and pair.verdict != "contact" for pair in pairs) and not skipped,
             compared=len(pairs), skipped=skipped,
         )
@@ -232,9 +233,6 @@ class LimitSearch:
 
     def _names(self, pair: ComparedPair | None) -> str | None:
         return None if pair is None else names_of(self._robot.assembly, pair.one, pair.other)
-
-    def _places(self, q: Mapping[str, float], joints: Sequence[JointEdge]) -> str:
-        return joints_text(self._robot.assembly, {joint.path: q[joint.path] for joint in joints}) if q else ""
 
 
 def _range(joint: JointEdge, q: float, *, limited: bool = False) -> JointRange:

@@ -253,19 +253,17 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _answer(self, *, body: bool) -> None:
         self.server.wait_no_more(self.connection)
-        if not self.served.is_own_host(self.headers.get("Host")):
-            return self._refuse(HTTPStatus.MISDIRECTED_REQUEST)
-        name = self.served.inside(self.path)
+        known_host = self.served.is_own_host(self.headers.get("Host"))
+        name = self.served.inside(self.path) if known_host else None
         if name == "events":
-            return self._events(body=body)
+            self._events(body=body)
+            return
         answer = None if name is None else self.served.content(name)
-        if answer is None:
-            return self._refuse(HTTPStatus.NOT_FOUND)
-        kind, content = answer
-        self._begin(HTTPStatus.OK, kind, len(content))
+        refused = HTTPStatus.NOT_FOUND if known_host else HTTPStatus.MISDIRECTED_REQUEST
+        kind, content = answer or ("text/plain; charset=utf-8", b"")
+        self._begin(HTTPStatus.OK if answer else refused, kind, len(content))
         if body:
             self.wfile.write(content)
-        return None
 
     def _begin(self, status: HTTPStatus, kind: str, length: int | None) -> None:
         self.send_response(status)
@@ -277,9 +275,6 @@ class _Handler(BaseHTTPRequestHandler):
         else:
             self.send_header("Content-Length", str(length))
         self.end_headers()
-
-    def _refuse(self, status: HTTPStatus) -> None:
-        self._begin(status, "text/plain; charset=utf-8", 0)
 
     def _events(self, *, body: bool) -> None:
         """Send events as server-sent events (WHATWG HTML 9.2) until one side closes the connection."""

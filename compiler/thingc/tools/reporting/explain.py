@@ -11,6 +11,7 @@ import json
 import os
 import re
 from functools import cache
+from itertools import groupby
 from typing import Any
 
 Explanation = dict[str, Any]
@@ -87,7 +88,5 @@ def sections() -> list[tuple[str, list[Explanation]]]:
 
     A section has a title such as `TC3xx: names and values across documents`.
     """
-    found: dict[str, list[Explanation]] = {}
-    for code in explanations():
-        found.setdefault(code["code"][:3], []).append(code)
-    return [(f"{hundred}xx: {_data()['sections'][hundred]}", codes) for hundred, codes in found.items()]
+    groups = groupby(explanations(), key=lambda code: code["code"][:3])
+    return [(f"{hundred}xx: {_data()['sections'][hundred]}", list(codes)) for hundred, codes in groups]
