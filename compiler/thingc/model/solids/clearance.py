@@ -25,7 +25,7 @@ from thingc.model.assembly.kinematics import coordinates, joints_of, leaders
 from thingc.model.assembly.types import Occurrence
 from thingc.model.resolve.coordinates import Mimic
 from thingc.model.resolve.types import JointRange
-from thingc.model.robot.kinematics import in_world, placed_bodies, with_ancestors
+from thingc.model.robot.kinematics import body_pose, in_world, with_ancestors
 from thingc.model.robot.loop_solver import Loops, SolverState
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Keyframe, Robot
@@ -211,19 +211,26 @@ class Box:
 
 
 class Place:
-    """The robot at the positions `q` [rad or m] of all joints. `bodies` contains the poses of the bodies of its tree."""
+    """The robot at the positions `q` [rad or m] of all joints. Poses are computed when they are needed."""
 
     def __init__(self, sweep: Sweep, q: dict[str, float]) -> None:
         self.sweep, self.q = sweep, q
-        self.bodies = placed_bodies(sweep.robot.bodies, q, sweep.base)
+        self._bodies: dict[int, Pose] = {0: sweep.base}
         self._at: dict[int, Pose] = {}
         self._chains: dict[int, list[tuple[str, Twist]]] = {}
 
     def at(self, part: int) -> Pose:
         """Return the pose of a part."""
         if part not in self._at:
-            self._at[part] = self.bodies[self.sweep.body_of[part]] @ self.sweep.in_link[part]
+            self._at[part] = self._body_pose(self.sweep.body_of[part]) @ self.sweep.in_link[part]
         return self._at[part]
+
+    def _body_pose(self, index: int) -> Pose:
+        if index not in self._bodies:
+            body = self.sweep.robot.bodies[index]
+            assert body.parent is not None  # only the first body is a root
+            self._bodies[index] = body_pose(body, self._body_pose(body.parent), self.q)
+        return self._bodies[index]
 
     def gap(self, pair: ComparedPair, within: float) -> float:
         """Return the distance [m] between two parts, or `within` if the distance is greater.
@@ -241,7 +248,7 @@ class Place:
         close = within if a.triangles * b.triangles <= FEW else min(within, pair.floor + CLOSE)
         if close >= within or (
             bound := a.distance_bound(b, relative, within, coarse=True)
-        ) <= 0.0 or _loop_joints(a.box, (low, high)) or _loop_joints(b.box, relative.inverse().around(a.box)):
+        ) <= 0.0 or _encloses(a.box, (low, high)) or _encloses(b.box, relative.inverse().around(a.box)):
             gap = a.solid.gap(b.solid.at(relative), close)
             return gap if gap < close or close >= within else max(gap, a.distance_bound(b, relative, within))
         if bound < within:
@@ -289,7 +296,7 @@ class Place:
     def _twists(self, body: int) -> list[tuple[str, Twist]]:
         if body not in self._chains:
             self._chains[body] = [
-                (joint.path, twist) for joint, twist in in_world(self.sweep.robot.bodies[body], self.bodies[body], self.q)
+                (joint.path, twist) for joint, twist in in_world(self.sweep.robot.bodies[body], self._body_pose(body), self.q)
             ]
         return self._chains[body]
 
@@ -387,7 +394,7 @@ def _steepest(mimic: Mimic, bound: float) -> float:
     return sum_of(k * abs(c) * bound ** (k - 1) for k, c in enumerate(mimic.polynomial) if k)
 
 
-def _loop_joints(outer: tuple[Vector, Vector], inner: tuple[Vector, Vector]) -> bool:
+def _encloses(outer: tuple[Vector, Vector], inner: tuple[Vector, Vector]) -> bool:
     return all(a < b and c > d for a, b, c, d in zip(outer[0], inner[0], outer[1], inner[1], strict=True))
 
 

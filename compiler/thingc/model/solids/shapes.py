@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -131,16 +132,22 @@ def _primitive(primitive: Primitive) -> Any:
         case "box":
             return Manifold.cube([2.0 * half for half in size], True)
         case "sphere":
-            return Manifold.sphere(size[0], FACETS)
+            return _unit_sphere().scale([size[0]] * 3)
         case "ellipsoid":
-            return Manifold.sphere(1.0, FACETS).scale(size)
+            return _unit_sphere().scale(size)
         case "cylinder":
             return Manifold.cylinder(2.0 * size[1], size[0], size[0], FACETS, True)
         case "capsule":
-            ball = Manifold.sphere(size[0], FACETS)
+            ball = _unit_sphere().scale([size[0]] * 3)
             return Manifold.batch_hull([ball.translate((0.0, 0.0, end)) for end in (-size[1], size[1])])
         case "plane":
             return Manifold.cube([2.0 * ENDLESS, 2.0 * ENDLESS, ENDLESS], True).translate((0.0, 0.0, -ENDLESS / 2.0))
+
+
+@cache
+def _unit_sphere() -> Any:
+    """Return a sphere with a radius of 1 m, because scaling a sphere is twenty times as fast as creating one."""
+    return Manifold.sphere(1.0, FACETS)
 
 
 def _core(whole: Any, solid: Mesh | Primitive) -> tuple[Any, float]:
