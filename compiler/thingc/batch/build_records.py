@@ -199,8 +199,8 @@ class _InChunk:
 VariantFiles = _InFolder | _InChunk
 
 
-def unpack(folder: str, index: int) -> str:
-    """Write the files of a built variant of a packed batch to the folder `variants/<id>/`, and return its path.
+def unpack(folder: str, index: int) -> None:
+    """Write the files of a built variant of a packed batch to the folder `variants/<id>/`.
 
     Mesh files become hard links to shared files. Raises `OSError` if a file cannot be read or written.
     """
@@ -211,7 +211,6 @@ def unpack(folder: str, index: int) -> str:
         }
     os.makedirs(os.path.join(folder, folder_layout.VARIANTS), exist_ok=True)
     folder_layout.write_variant(folder, id, files, folder_layout.SharedAssets(folder))
-    return folder_layout.variant_folder(folder, id)
 
 
 def contains(indices: Sequence[int], index: int) -> bool:

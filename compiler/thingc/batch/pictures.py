@@ -124,31 +124,27 @@ def _draw(place: str, pose: str | None, shots: Sequence[tuple[str, str]], jobs: 
     for name in listing(place):
         if name not in keep:
             os.unlink(os.path.join(place, name))
-    if not shots:
-        with contextlib.suppress(OSError):
-            os.rmdir(place)
-        return None
     os.makedirs(place, exist_ok=True)
-    count = max(1, min(jobs, len(shots) // 4))
+    count = min(len(shots), max(1, min(jobs, len(shots) // 4)))
     parts = [shots[k::count] for k in range(count)]
     processes: list[JsonLinesProcess] = []
     try:
         for _ in parts:
             processes.append(JsonLinesProcess("thingc.batch.thumbnails"))
-        fault = _draw_variant(place, pose, parts, processes, len(shots), on_picture)
+        return _draw_parts(place, pose, parts, processes, on_picture)
     finally:
         for process in processes:
             process.kill()
             process.close()
         with contextlib.suppress(OSError):  # this fails unless the folder is empty
             os.rmdir(place)
-    return fault
 
 
-def _draw_variant(
-    place: str, pose: str | None, parts: Sequence[Sequence[tuple[str, str]]], processes: Sequence[JsonLinesProcess], count: int,
+def _draw_parts(
+    place: str, pose: str | None, parts: Sequence[Sequence[tuple[str, str]]], processes: Sequence[JsonLinesProcess],
     on_picture: OnPicture | None,
 ) -> Diagnostic | None:
+    """Render the pictures of each part of the variants in one process. Return a warning after an error."""
     for part, process in zip(parts, processes, strict=True):
         process.ask({"measure": [path for _, path in part], "pose": pose})
     points: list[Any] = []
@@ -169,6 +165,7 @@ def _draw_variant(
         process.ask({
             "draw": [[path, os.path.join(place, f"{id}.png")] for id, path in part], "points": points, "gravity": gravity, "pose": pose,
         })
+    count = sum(map(len, parts))
     finished = count - sum(map(len, visible))
     for part, process in zip(visible, processes, strict=True):
         for _ in part:

@@ -22,7 +22,7 @@ import shutil
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from msgspec.structs import replace
@@ -140,7 +140,6 @@ def evaluate_on_worker(name: str, job: str, tasks: Sequence[Variant], timeout: f
     return Answer(place=place, rows=evaluate(_localize(job, place), tasks, timeout, check_workspace))
 
 
-@lru_cache(maxsize=4)
 def _localize(job: str, place: WorkerFolder) -> str:
     """Replace the relative paths in a job by paths on the worker. If the job does not specify a store, the store of the worker is used."""
     decoded = Job.decode(job)
@@ -192,7 +191,6 @@ class RemoteExecutor(Cluster):
         self._arrived: queue.SimpleQueue[tuple[Future[Any], Future[Answer]] | None] = queue.SimpleQueue()
         self._stopping = False
         self._thread = threading.Thread(target=self._receive, name="thingc-shipping", daemon=True)
-        self._template = lru_cache(maxsize=1)(self._sent_job)
 
     def __enter__(self) -> RemoteExecutor:
         self.cluster.ship(self.name, self.transfer)
@@ -214,7 +212,7 @@ class RemoteExecutor(Cluster):
             raise TypeError("shipped workspaces can only evaluate chunks")
         job, tasks, timeout = arguments
         outer: Future[T] = Future()
-        inner = self.cluster.submit(evaluate_on_worker, self.name, self._template(job), tasks, timeout)
+        inner = self.cluster.submit(evaluate_on_worker, self.name, self._sent_job(job), tasks, timeout)
         outer.add_done_callback(lambda inner_future: inner.cancel() if inner_future.cancelled() else None)
         inner.add_done_callback(lambda inner_future: self._arrived.put((outer, inner_future)))
         return outer

@@ -164,12 +164,11 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
     def compute(self, plan: NumericPlan[Arrays | ModelTemplate], outputs: tuple[float, ...], parsed: ParsedSettings) -> mujoco.MjModel:
         """Compute a model with a plan."""
         if isinstance(plan.template, ModelTemplate):
-            return self._by_text(plan, plan.template, parsed, outputs)
+            return self._by_text(plan, parsed, outputs)
         return plan.template.put(plan.template.prepare([outputs]), 0)
 
-    def _by_text(
-        self, plan: NumericPlan[Any], template: ModelTemplate, parsed: ParsedSettings, outputs: tuple[float, ...],
-    ) -> mujoco.MjModel:
+    def _by_text(self, plan: NumericPlan[Any], parsed: ParsedSettings, outputs: tuple[float, ...]) -> mujoco.MjModel:
+        template: ModelTemplate = plan.template
         exchanged = plan.exchange_parts(parsed.values)
         meshes = () if exchanged is None else exchanged.names
         self._mount(template.assets if exchanged is None else exchanged.assets)
@@ -213,7 +212,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
         for index, (item, _, outputs) in enumerate(waiting):
             is_due = plan.is_due(self.verify)
             if prepared is None:
-                model = self._by_text(plan, plan.template, item[1], outputs)
+                model = self._by_text(plan, item[1], outputs)
             else:
                 model = plan.template.put(prepared, index, share=share, exact=is_due)
             if is_due and not self.confirms(model, self.run_passes(item[1]), item[1], self.cache_for(item[1])):

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from thingc.batch.plans.columns import Floats
 
 FINE = 1e-4
 """Relative error of an estimated derivative that is accurate enough."""

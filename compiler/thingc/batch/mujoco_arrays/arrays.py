@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     import numpy as np
 
     Array = np.ndarray[Any, np.dtype[Any]]
-    Places = list[Array]
 
 _LEAST = 1e-5
 """Size [m] that the statistics assume for a body or model without extent."""
@@ -28,7 +27,8 @@ _PLANE = 0.1
 class Statistics:
     """Computes the field `stat` of a MuJoCo model for many variants that differ only in numbers.
 
-    `specified` contains the names of the statistics that the XML specifies.
+    `specified` contains the names of the statistics that the XML specifies. `positions` contains the arrays of `data` for the positions of
+    joint anchors, centres of mass, geoms, bodies and sites [m].
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, specified: Collection[str] = ()) -> None:
@@ -54,31 +54,18 @@ class Statistics:
 
         self._stat, self._specified = model.stat, specified
         self._count, self._nv = len(bodies), int(model.nv)
-        self._places = (data.xanchor, data.xipos, data.geom_xpos, data.xpos, data.site_xpos)
+        self.positions = (data.xanchor, data.xipos, data.geom_xpos, data.xpos, data.site_xpos)
         self._inertia = model.dof_M0
 
-    def allocate(self, variants: int) -> Places:
-        """Create arrays for the positions of joint anchors, centres of mass, geoms, bodies and sites, which the method `note` fills.
-
-        Each array has the shape (number of elements, variants, 3) [m].
-        """
-        import numpy as np
-
-        return [np.empty((len(place), variants, 3)) for place in self._places]
-
-    def store_positions(self, places: Places, variant: int) -> None:
-        """Copy the positions of the elements of one variant into the arrays `places`. The `MjData` of the variant must be at `qpos0`."""
-        for kind, place in zip(places, self._places):
-            kind[:, variant] = place
-
-    def of(self, places: Places, masses: Array) -> dict[str, list[Any]]:
+    def of(self, positions: list[Array], masses: Array) -> dict[str, list[Any]]:
         """Compute the statistics of many variants, except `meaninertia`. `masses` (variants, bodies) contains the masses of bodies in kg.
 
-        If all variants have the same positions, `places` can contain only one variant.
+        `positions` contains an array (number of elements, variants, 3) for each array in the attribute `positions`, at `qpos0`. If all
+        variants have the same positions, the arrays can contain only one variant.
         """
         import numpy as np
 
-        anchors, centres, shapes, bodies, sites = places
+        anchors, centres, shapes, bodies, sites = positions
         count = bodies.shape[1]
         x, y, z = np.moveaxis(np.concatenate((anchors[self._joints], shapes[self._geoms])) - centres[self._owners], -1, 0)
         sizes = np.sqrt(x * x + y * y + z * z)
@@ -196,13 +183,15 @@ class Arrays:
         if not self._recomputes:
             return Prepared(plain, options, None)
         placing = [(getattr(first, field).reshape(-1), at, block) for field, _, at, block in writes if field in PLACING]
-        places = self._statistics.allocate(count if placing else 1)
-        for index in range(count if placing else 1):
+        distinct = count if placing else 1
+        positions = [np.empty((len(elements), distinct, 3)) for elements in self._statistics.positions]
+        for index in range(distinct):
             for target, at, block in placing:
                 target[at] = block[index]
             mujoco.mj_kinematics(first, self._first_data)
-            self._statistics.store_positions(places, index)
-        return Prepared(plain, options, self._statistics.of(places, masses))
+            for copies, elements in zip(positions, self._statistics.positions):
+                copies[:, index] = elements
+        return Prepared(plain, options, self._statistics.of(positions, masses))
 
     def _inertial_writes(self, inertials: Array) -> list[tuple[str, Array, Array, Array]]:
         """Compute the array elements that depend on the mass properties `inertials` (variants, bodies, 10) of bodies.

@@ -17,12 +17,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from thingc.batch.plans.columns import Floats
 from thingc.batch.plans.program import Argument, Operation, Program, namespace, operand
 from thingc.batch.plans.tape import OPERATORS, Const, Ref
-
-Floats = npt.NDArray[np.float64]
 
 SAME = 1e-9
 """Relative difference up to which the derivatives of two branches are treated as equal."""
