@@ -397,16 +397,15 @@ class FamilyFunction:
         kind = self._reader.kind(name)
         if isinstance(kind, Quantity):
             return kind
-        parsed = self._reader.read({name: 0.0})
-        if kind is None and name not in parsed.names:
-            known = [other for other, value in self._reader.parameters.items() if isinstance(value, Quantity)]
-            if "." in name:
-                raise FamilyError(f"the document has no number at `{name}`", "correct the path, or add a value to the document")
-            raise FamilyError(f"the document has no number `{name}`", did_you_mean(name, known, what="parameters"))
         if kind is not None:
             text = str(kind).lower() if isinstance(kind, bool) else str(kind)
             raise FamilyError(f"`{name}` is not a number, but `{text}`", f"remove `{name}`, or set its value separately")
-        raise FamilyError(f"the document has no value for `{name}`", "set the value in the document")
+        if name in self._reader.read({name: 0.0}).names:
+            raise FamilyError(f"the document has no value for `{name}`", "set the value in the document")
+        if "." in name:
+            raise FamilyError(f"the document has no number at `{name}`", "correct the path, or add a value to the document")
+        known = [other for other, value in self._reader.parameters.items() if isinstance(value, Quantity)]
+        raise FamilyError(f"the document has no number `{name}`", did_you_mean(name, known, what="parameters"))
 
     def _expand(self, outputs: Sequence[str]) -> tuple[str, ...]:
         """Replace the name of a group of results, such as `centre`, by the names of its results: `centre.x`, `centre.y` and `centre.z`.

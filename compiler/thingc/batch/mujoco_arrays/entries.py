@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element
 
-from thingc.base.frozen_struct import FrozenStruct
-
 if TYPE_CHECKING:
     import mujoco
     import numpy as np
@@ -25,16 +23,11 @@ class NotAnArrayEntry(Exception):
         self.attribute = attribute
 
 
-class Entry(FrozenStruct):
-    """An element of a field of `MjModel`, given by its flat index and the sign (1 or -1) by which the number is multiplied.
+Entry = tuple[str, int, float]
+"""An element of a field of `MjModel`: the field name, the flat index, and the sign (1 or -1) by which the number is multiplied.
 
-    Options have field names such as `opt.timestep`, and statistics have field names such as `stat.extent`.
-    """
-
-    field: str
-    index: int
-    sign: float = 1.0
-
+Options have field names such as `opt.timestep`, and statistics have field names such as `stat.extent`.
+"""
 
 INERT = frozenset((
     "jnt_range", "jnt_actfrcrange", "jnt_stiffness", "dof_damping", "dof_frictionloss", "actuator_ctrlrange", "actuator_forcerange",
@@ -102,14 +95,8 @@ class NumberPlaces:
     def __init__(self, root: Element, tokens: Mapping[str, int], model: mujoco.MjModel, *, geometry: bool = False) -> None:
         import numpy as np
 
-        placed, inertials = places(root, tokens, model, geometry=geometry)
-        by_field: dict[str, list[tuple[int, Entry]]] = {}
-        for column, entry in placed:
-            by_field.setdefault(entry.field, []).append((column, entry))
-        self.writes = {
-            name: Write(*map(np.array, zip(*((entry.index, column, entry.sign) for column, entry in entries), strict=True)))
-            for name, entries in sorted(by_field.items())
-        }
+        entries, inertials = places(root, tokens, model, geometry=geometry)
+        self.writes = {name: Write(*map(np.array, zip(*rows, strict=True))) for name, rows in sorted(entries.items())}
         self.names = list(inertials)
         self.bodies = np.array([model.body(name).id for name in inertials], dtype=int)
         texts = [text for properties in inertials.values() for attribute in properties for text in attribute]
@@ -129,15 +116,15 @@ def affect_constants(fields: frozenset[str], model: mujoco.MjModel) -> bool:
 
 def places(
     root: Element, tokens: Mapping[str, int], model: mujoco.MjModel, *, geometry: bool = False,
-) -> tuple[list[tuple[int, Entry]], dict[str, list[list[str]]]]:
+) -> tuple[dict[str, list[tuple[int, int, float]]], dict[str, list[list[str]]]]:
     """Find the array elements that contain the numbers for which an MJCF file has tokens.
 
-    Return a list of array elements, each with the index of the token whose number it contains. Also return a mapping from body names to
-    mass properties: the words for mass, centre of mass and inertia of an `inertial` that contains tokens. `model` is the compiled model of
-    the file. With `geometry`, the result includes numbers of geoms, cameras and free bodies from which MuJoCo computes other fields. Raises
-    `NotAnArrayEntry` if no array contains a number unchanged.
+    Return the array elements by field: the flat index, the index of the token whose number the element contains, and the sign. Also return
+    a mapping from body names to mass properties: the words for mass, centre of mass and inertia of an `inertial` that contains tokens.
+    `model` is the compiled model of the file. With `geometry`, the result includes numbers of geoms, cameras and free bodies from which
+    MuJoCo computes other fields. Raises `NotAnArrayEntry` if no array contains a number unchanged.
     """
-    entries: list[tuple[int, Entry]] = []
+    entries: dict[str, list[tuple[int, int, float]]] = {}
     inertials: dict[str, list[list[str]]] = {}
     for element, above in walk(root):
         for attribute, value in element.attrib.items():
@@ -150,8 +137,8 @@ def places(
                 inertials[above.get("name", "")] = [element.get(name, "").split() for name in ("mass", "pos", "fullinertia")]
                 continue
             for k, number in enumerate(numbers):
-                if number in tokens:
-                    entries += [(tokens[number], place) for place in _places(model, element, above, attribute, k, geometry)]
+                for field, index, sign in _places(model, element, above, attribute, k, geometry) if number in tokens else ():
+                    entries.setdefault(field, []).append((index, tokens[number], sign))
     return entries, inertials
 
 
@@ -167,7 +154,7 @@ def _places(model: Any, element: Element, above: Element, attribute: str, k: int
         value = getattr(getattr(model, _GROUPS[tag]), attribute, None)
         if value is None or isinstance(value, int):
             raise unknown
-        return [Entry(field=f"{_GROUPS[tag]}.{attribute}", index=k)]
+        return [(f"{_GROUPS[tag]}.{attribute}", k, 1.0)]
     if above.tag == "fixed" and attribute == "coef":
         return [_at(model, "wrap_prm", int(model.tendon_adr[model.tendon(above.get("name", "")).id]) + list(above).index(element), 0)]
     name = element.get("name")
@@ -184,17 +171,17 @@ def _places(model: Any, element: Element, above: Element, attribute: str, k: int
         raise unknown
     if field.startswith("dof_"):
         first, count = int(model.jnt_dofadr[owner.id]), {0: 6, 1: 3}.get(int(model.jnt_type[owner.id]), 1)
-        return [Entry(field=field, index=first + dof) for dof in range(count)]
+        return [(field, first + dof, 1.0) for dof in range(count)]
     if field == "qpos_spring":
-        return [Entry(field=field, index=int(model.jnt_qposadr[owner.id]))]
+        return [(field, int(model.jnt_qposadr[owner.id]), 1.0)]
     if field == "numeric_data":
-        return [Entry(field=field, index=int(model.numeric_adr[owner.id]) + k)]
+        return [(field, int(model.numeric_adr[owner.id]) + k, 1.0)]
     if field == "tendon_lengthspring" and len(element.get(attribute, "").split()) == 1:
         return [_at(model, field, owner.id, column) for column in (0, 1)]
     first = int(model.jnt_qposadr[model.body_jntadr[owner.id]]) + (3 if attribute == "quat" else 0) if free else 0
-    return [_at(model, field, owner.id, k), *(Entry(field=other, index=first + k) for other in ("qpos0", "qpos_spring") if free)]
+    return [_at(model, field, owner.id, k), *((other, first + k, 1.0) for other in ("qpos0", "qpos_spring") if free)]
 
 
 def _at(model: Any, field: str, row: int, column: int, sign: float = 1.0) -> Entry:
     array = getattr(model, field)
-    return Entry(field=field, index=row * (array.size // len(array)) + column, sign=sign)
+    return field, row * (array.size // len(array)) + column, sign

@@ -212,10 +212,9 @@ class Builds(Planner["_Template", Build]):
         environment = copy.copy(self.session.environment)
         environment.memo = Memo()
         written = self.reader.settings(parsed)
-        names = (*written.parameters, *written.choices)
-        slots = {name: slot(f"{SETTING}{name}") for name in names}
         settings = Settings(
-            parameters={name: slots[name] for name in written.parameters}, choices={name: slots[name] for name in written.choices},
+            parameters={name: slot(f"{SETTING}{name}") for name in written.parameters},
+            choices={name: slot(f"{SETTING}{name}") for name in written.choices},
         )
         tape.writing = True
         request = pipeline.request_of(environment, compilation, verify=0)

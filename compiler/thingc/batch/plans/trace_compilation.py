@@ -98,10 +98,7 @@ def pinned_names(trace: TraceResult) -> list[str]:
 
     The tape applies only to these values.
     """
-    names: dict[str, None] = {}
-    for number in trace.tape.pinned:
-        names.update(dict.fromkeys(_names(trace.tape, trace.names, number)))
-    return list(names)
+    return list(dict.fromkeys(name for number in trace.tape.pinned for name in _names(trace.tape, trace.names, number)))
 
 
 def _names(tape: Tape, names: Sequence[str], number: Traced) -> list[str]:

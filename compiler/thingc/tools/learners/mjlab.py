@@ -50,10 +50,9 @@ def get_spec() -> mujoco.MjSpec:
 
 def emit(request: EmitRequest) -> Artifacts:
     """Write a module for each chosen mode."""
-    lost: dict[Loss, None] = {}
-    for robot in request.robots:
-        lost |= dict.fromkeys((*losses(robot, "mjlab", "mjlab", MOTIONS, delays=True), *_lost_sensors(robot)))
-    return Artifacts(files={f"mjlab/{file_name(robot)}.py": _module(robot) for robot in request.robots}, losses=tuple(lost))
+    robots = request.robots
+    lost = (loss for robot in robots for loss in (*losses(robot, "mjlab", "mjlab", MOTIONS, delays=True), *_lost_sensors(robot)))
+    return Artifacts(files={f"mjlab/{file_name(robot)}.py": _module(robot) for robot in robots}, losses=tuple(dict.fromkeys(lost)))
 
 
 def mjlab_name(path: str) -> str:
