@@ -15,7 +15,8 @@ from thingc.base.suggestions import did_you_mean
 from thingc.base.units import Quantity
 from thingc.batch.families.evaluation import Evaluation
 from thingc.batch.families.search_space import SearchSpace
-from thingc.batch.families.stencil import ROUNDING, Floats, Stencil
+from thingc.batch.families.stencil import ROUNDING, Stencil
+from thingc.batch.plans.columns import Floats
 from thingc.batch.plans.derivatives import DerivativeFunction, Derivatives, NotSmooth, derivative_function, with_slopes
 from thingc.batch.plans.numeric_plan import MOST, NumericPlan, TracedResults
 from thingc.batch.results import FamilyError

@@ -16,6 +16,7 @@ from thingc.driver.testing.poses import joints_text, keyframe, pose_robot, start
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge
 from thingc.model.resolve.types import JointRange
+from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.types import Keyframe, Robot
 from thingc.model.solids.clearance import ComparedPair, Place, Sweep, prove
 from thingc.model.solids.contact_cells import divide
@@ -89,7 +90,7 @@ def _repeats(sweep: Sweep) -> bool:
         return False
     for q in (one.lower, one.lower + 1.0, one.lower + 2.0):
         places = [place for at in (q, q + tau) if (place := sweep.place({0: at})) is not None]
-        poses = [np.array([body.rows() for body in place.bodies]) for place in places]
+        poses = [np.array([pose.rows() for pose in placed_bodies(sweep.robot.bodies, place.q, sweep.base)]) for place in places]
         if len(poses) < 2 or not np.allclose(poses[0], poses[1], rtol=0.0, atol=1e-6):
             return False
     return True
