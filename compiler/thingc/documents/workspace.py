@@ -312,10 +312,6 @@ def _memory(value: Any, path: Path, faults: list[_Fault]) -> int:
     return int(match[1], 10) * {"MB": 1_000_000, "GB": 1_000_000_000}[match[2]]
 
 
-def _read_package_info(value: Any, path: Path, faults: list[_Fault]) -> PackageInfo:
-    return PackageInfo.of(_mapping(value, KEYS))
-
-
 def _mapping(value: Any, keys: Collection[str]) -> dict[str, Any]:
     if not isinstance(value, dict) or not value.keys() <= set(keys):
         raise TypeError
@@ -334,8 +330,8 @@ def _tessellations(value: Any, path: Path, faults: list[_Fault]) -> tuple[Tessel
 _TOLERANCES: Mapping[str, _ReadFunction] = {"linear": _number(LENGTH), "angular": _number(ANGLE)}
 _KEYS: Mapping[str, _ReadFunction] = {
     "parts": _list(_text()), "packages": _list(_text()), "build": _text(), "emit": _list(_text()), "mesh_uri": _text(MESH_URIS),
-    "about": _read_package_info, "compat": _list(_text(CONSUMERS)), "part_timeout": _number(TIME, LONGEST), "part_memory": _memory,
-    "bed": _list(_number(LENGTH), 3), "mesh": _tessellations,
+    "about": lambda value, path, faults: PackageInfo.of(_mapping(value, KEYS)), "compat": _list(_text(CONSUMERS)),
+    "part_timeout": _number(TIME, LONGEST), "part_memory": _memory, "bed": _list(_number(LENGTH), 3), "mesh": _tessellations,
 }
 """The keys of a workspace file. Each value becomes the field of `Workspace` with the same name, except for `mesh`, which contains two."""
 

@@ -211,13 +211,10 @@ def verify(folder: str, store: Store | None = None) -> dict[str, Any] | None:
         manifest = _manifest(folder)
         if manifest is None or set(_listing(folder)) != {*manifest["files"], MANIFEST}:
             return None
-        for path, sha256 in manifest["files"].items():
-            file = os.path.join(folder, path)
-            if not _is_plain(file) or digest_of(file, store) != sha256:
-                return None
+        files = {os.path.join(folder, path): sha256 for path, sha256 in manifest["files"].items()}
+        return manifest if all(_is_plain(file) and digest_of(file, store) == sha256 for file, sha256 in files.items()) else None
     except OSError:
         return None
-    return manifest
 
 
 def manifest_paths(folder: str) -> frozenset[str]:
@@ -378,11 +375,9 @@ def _write_files(folder: str, files: Mapping[str, Content], store: Blobs | None)
         content = files[path]
         if isinstance(content, StoredArtifact):
             assert store is not None
-            data = store.read(content.sha256)
-        else:
-            data = content
+            content = store.read(content.sha256)
         with open(os.path.join(folder, path), "xb") as stream:
-            stream.write(data)
+            stream.write(content)
             if path == MANIFEST:
                 stream.flush()
                 os.fsync(stream.fileno())

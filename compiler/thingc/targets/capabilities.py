@@ -215,15 +215,16 @@ class _LossFinder:
                 if index == 0 or not joint.kind.at_once:
                     yield from self.of_coordinate(joint, path if joint.kind.at_once else joint.path)
                 yield from self.of_drive(joint)
-                if joint.mimic is not None and joint.mimic.joint.path not in joint_paths:
-                    what = f"the mimic of `{joint.mimic.joint.path}`, where a loop is cut"
-                    yield from self(OMITTED, robot.mode.name, joint.path, what, joint.mimic.origin)
-                elif joint.mimic is not None:
-                    what = f"the mimic of `{joint.mimic.joint.path}`"
-                    yield from self(self.capabilities["of_joints"]["mimic"], None, joint.path, what, joint.mimic.origin)
-                    if joint.mimic.higher:
-                        what = f"the polynomial in the mimic of `{joint.mimic.joint.path}`"
-                        yield from self(self.capabilities["of_joints"]["polynomial"], None, joint.path, what, joint.mimic.origin)
+                mimic, cells = joint.mimic, self.capabilities["of_joints"]
+                if mimic is None:
+                    continue
+                what = f"the mimic of `{mimic.joint.path}`"
+                if mimic.joint.path not in joint_paths:
+                    yield from self(OMITTED, robot.mode.name, joint.path, f"{what}, where a loop is cut", mimic.origin)
+                    continue
+                yield from self(cells["mimic"], None, joint.path, what, mimic.origin)
+                if mimic.higher:
+                    yield from self(cells["polynomial"], None, joint.path, f"the polynomial in {what}", mimic.origin)
 
     def of_drive(self, joint: TreeJoint | JointEdge) -> Iterator[Loss]:
         """Yield the export loss for the drive of a joint coordinate, or for a drive of a ball joint about its own axis."""
@@ -237,11 +238,12 @@ class _LossFinder:
 
     def of_effects(self, path: str, drive: ActuatorModel) -> Iterator[Loss]:
         """Yield the export losses for the delay, the torque-speed line, the deadband and the noise of a drive."""
-        descriptions = {"stall": "the torque-speed line", "deadband": "the deadband", "noise": "the noise"}
-        for key in ("delay", *descriptions):
-            if getattr(drive, key):
-                cell = self.capabilities["of_joints"]["delay" if key == "delay" else "effects"]
-                yield from self(cell, None, path, descriptions.get(key) or f"the delay of {drive.delay:.6g} s", drive.origin)
+        cells = self.capabilities["of_joints"]
+        if drive.delay:
+            yield from self(cells["delay"], None, path, f"the delay of {drive.delay:.6g} s", drive.origin)
+        for what, value in (("torque-speed line", drive.stall), ("deadband", drive.deadband), ("noise", drive.noise)):
+            if value:
+                yield from self(cells["effects"], None, path, f"the {what}", drive.origin)
 
     def of_tendon(self, tendon: LinkedTendon) -> Iterator[Loss]:
         """Yield the export losses for a tendon, or for one of the drives of a differential."""
@@ -343,8 +345,8 @@ class _LossFinder:
         for pose in assembly.poses:
             yield from self(self.capabilities["modes"]["poses"], None, pose.name, "this pose", pose.origin)
         materials = [item.material for item in assembly.occurrences]
-        own = [surface for item in assembly.occurrences if item.listed or item.contacts for surface in item.touching]
-        materials += [surface.material for surface in own]
+        with_shapes = (item for item in assembly.occurrences if item.listed or item.contacts)
+        materials += [surface.material for item in with_shapes for surface in item.touching]
         for material in {id(item): item for item in materials if item is not None}.values():
             if (material.slide, material.torsion) != (None, None):
                 yield from self(links["friction"], None, material.name, "the friction", material.origin)
@@ -359,15 +361,11 @@ class _LossFinder:
                 if isinstance(piece.solid, Primitive):
                     cell, what = self.capabilities["shapes"][piece.solid.shape], f"the visual {piece.solid.shape}"
                     yield from self(cell, None, occurrence.path, what, occurrence.origin)
+            hull: ShapeCell = "mesh" if occurrence.overrides.collision == "mesh" else "hull"
             for piece in occurrence.touching:
-                if isinstance(piece.solid, Primitive):
-                    shape = piece.solid.shape
-                    cell, what = self.capabilities["shapes"][shape], f"the collision {shape}"
-                elif occurrence.overrides.collision == "mesh":
-                    cell, what = self.capabilities["shapes"]["mesh"], "the collision mesh"
-                else:
-                    cell, what = self.capabilities["shapes"]["hull"], "the convex collision mesh"
-                yield from self(cell, None, occurrence.path, what, occurrence.origin)
+                shape = piece.solid.shape if isinstance(piece.solid, Primitive) else hull
+                what = "the convex collision mesh" if shape == "hull" else f"the collision {shape}"
+                yield from self(self.capabilities["shapes"][shape], None, occurrence.path, what, occurrence.origin)
 
 
 def _describe_drive(drive: ActuatorModel) -> str:

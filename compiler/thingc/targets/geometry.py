@@ -122,11 +122,11 @@ def name_with_index(name: str, index: int) -> str:
     return f"{name}_{index}" if index else name
 
 
-def shape_names(shapes: Iterable[Shape], default: str) -> Iterator[str]:
-    """Yield a unique name for each shape: its custom name, or the name `default` with a number if it has none or the name is in use."""
+def named_shapes(shapes: Iterable[Shape], default: str) -> Iterator[tuple[str, Shape]]:
+    """Yield each shape with a unique name: its custom name, or the name `default` with a number if it has none or the name is in use."""
     used: set[str | None] = {None}
     for index, shape in enumerate(shapes):
-        yield name_with_index(default, index) if shape.name in used else shape.name or ""
+        yield name_with_index(default, index) if shape.name in used else shape.name or "", shape
         used.add(shape.name)
 
 
@@ -182,39 +182,28 @@ class _Collector:
         self.owners: dict[str, Occurrence] = {}
 
     def shapes(self, occurrence: Occurrence) -> Shapes:
-        record, definition = occurrence.record, occurrence.component.definition
-        surfaces: list[Shape | None] = []
-        collision: tuple[Shape, ...] = ()
-        if occurrence.listed is not None:
-            surfaces = [self.shape(occurrence, surface, surface.name) for surface in occurrence.drawn]
-            collision = self.collision(occurrence, "")
-        elif record is not None and isinstance(definition, PartDefinition):
-            surfaces = [self.shape(occurrence, surface, definition.stem) for surface in occurrence.drawn]
-            collision = self.collision(occurrence, definition.stem)
+        definition = occurrence.component.definition
+        stem = definition.stem if occurrence.listed is None and isinstance(definition, PartDefinition) else ""
+        surfaces = [self.shape(occurrence, surface, surface.name or stem) for surface in occurrence.drawn]
         visual = tuple(shape for shape in surfaces if shape is not None)
-        return Shapes(path=occurrence.path, origin=occurrence.origin, visual=visual, collision=collision)
+        return Shapes(path=occurrence.path, origin=occurrence.origin, visual=visual, collision=tuple(self.collision(occurrence, stem)))
 
-    def collision(self, occurrence: Occurrence, stem: str) -> tuple[Shape, ...]:
-        """Return the collision shapes of an occurrence: the shapes that a document lists, or the shapes that `collision:` selects.
+    def collision(self, occurrence: Occurrence, stem: str) -> Iterator[Shape]:
+        """Yield the collision shapes of an occurrence: the shapes that a document lists, or the shapes that `collision:` selects.
 
-        The result contains one shape for each piece that can collide.
+        There is one shape for each piece that can collide.
         """
         choice = occurrence.overrides.collision
-        shapes: list[Shape] = []
         for index, piece in enumerate(occurrence.touching):
             if not can_collide(piece.solid):
                 what = f"the contacts: {self.describe_flat(piece.solid)}"
                 self.losses.append(Loss(self.target, None, occurrence.path, what, "omitted", occurrence.origin))
                 continue
-            if piece.name:
-                shape = self.shape(occurrence, piece, piece.name)
-            elif choice == "decompose":
-                shape = self.shape(occurrence, piece, stem, f"_convex{occurrence.overrides.pieces or ''}_{index}")
-            else:
-                shape = self.shape(occurrence, piece, stem, f"_{choice}" if choice in ("hull", "mesh") else f"_{choice}_{index}")
+            kind = f"convex{occurrence.overrides.pieces or ''}" if choice == "decompose" else choice
+            suffix = f"_{kind}" if choice in ("hull", "mesh") else f"_{kind}_{index}"
+            shape = self.shape(occurrence, piece, piece.name or stem, "" if piece.name else suffix)
             if shape is not None:
-                shapes.append(shape)
-        return tuple(shapes)
+                yield shape
 
     def shape(self, occurrence: Occurrence, surface: Surface, stem: str, suffix: str = "") -> Shape | None:
         """Convert a mesh or a primitive to a shape in the frame of its occurrence. A mesh gets the name `stem + suffix`.

@@ -96,16 +96,16 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
     memo = memo or Memo()
     order = [joint.path for body in robot.bodies if body.parent is not None for joint in body.joints]
     order += [joint.path for closure in robot.closures for joint in closure.joints]
-    bases_by_pose = ((frame.name, frame.base) for frame in robot.keyframes)
     moves = {tendon.path: tendon.moves for tendon in tendons.present(robot) if tendon.moves}
     armatures = {tendon.path: tendon.dynamics.armature for tendon in tendons.present(robot) if tendon.moves and tendon.dynamics.armature}
-    bases = {name: base.rows() for name, base in bases_by_pose if base is not None and base != robot.bodies[0].X_PL}
+    start = robot.bodies[0].X_PL
+    bases = {frame.name: frame.base.rows() for frame in robot.keyframes if frame.base is not None and frame.base != start}
     return {
         "version": VERSION,
         "root": robot.mode.root.path,
         "base": robot.base,
         "gravity": robot.gravity,
-        "X_world_root": robot.bodies[0].X_PL.rows(),
+        "X_world_root": start.rows(),
         **({"X_world_at": robot.mode.at.rows()} if robot.moves else {}),
         "links": _links(robot, names, memo),
         "joints": _joints(robot, names, memo, separator),

@@ -69,17 +69,6 @@ def written_pattern() -> re.Pattern[str]:
     return _compile_patterns(patterns)
 
 
-def _undeclared_paths(target: str, paths: Iterable[str]) -> list[str]:
-    """Return the paths that do not match the patterns in `WRITES` of a target from an installed package.
-
-    The next build would not recognise files with these paths.
-    """
-    if target in TARGETS:
-        return []
-    declared = _compile_patterns(_declared_patterns(target))
-    return sorted(path for path in paths if declared.fullmatch(path) is None)
-
-
 def module_of(target: str) -> str:
     """Return the name of the Python module that defines a target of an installed package."""
     return _find_installed()[target].partition(":")[0]
@@ -151,7 +140,9 @@ def run_emitters(request: EmitRequest, targets: Sequence[str]) -> dict[str, Arti
     for target in targets:
         target_request = request.in_target(target)
         result = emitter(target)(apply_custom_names(target_request) if target not in TARGETS or TARGETS[target].by_name else target_request)
-        if undeclared := _undeclared_paths(target, result.files):
+        declared = None if target in TARGETS else _compile_patterns(_declared_patterns(target))
+        # the next build would not recognise files with undeclared paths
+        if declared is not None and (undeclared := sorted(path for path in result.files if declared.fullmatch(path) is None)):
             request.report.add(
                 Code.UNSTATED, f"the target `{target}` writes `{undeclared[0]}`, but `{module_of(target)}.WRITES` does not list it", None,
                 path=target,

@@ -160,10 +160,7 @@ class XmlText(FrozenStruct):
 
         If no tag opens on the line, return the element on the nearest line above.
         """
-        for index in range(min(line, len(self.lines)) - 1, -1, -1):
-            if self.lines[index] is not None:
-                return self.lines[index]
-        return None
+        return next((element for element in reversed(self.lines[:line]) if element is not None), None)
 
 
 @formatter("xml")

@@ -10,7 +10,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.suggestions import did_you_mean
 from thingc.batch.results import UnknownVariant
-from thingc.driver.testing.results import Result as TestResult
+from thingc.driver.testing.outcomes import Result as TestResult
 
 
 class Evaluated(OneLineRepr, FrozenStruct):

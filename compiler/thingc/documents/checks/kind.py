@@ -7,9 +7,14 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from pydantic import ConfigDict
 
+from thingc.base.diagnostics import Code
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.numeric import hypot
 from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.pose import Vector
+from thingc.base.units import NUMBER
 from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.fields import Value
 
 if TYPE_CHECKING:
     from thingc.model.assembly.report import LinkReport
@@ -25,6 +30,18 @@ def require_bounds(low: object, high: object, kind: str, example: str) -> None:
     """Raise a validation error if a document test specifies neither `min` nor `max`."""
     if low is None and high is None:
         raise rule(f"a `{kind}` test needs `min`, `max` or both", f"write, for example, `{example}`")
+
+
+def read_direction(values: Sequence[Value], reader: Reader, key: str, example: str) -> Vector | None:
+    """Return the unit vector with the direction of three numbers under the key `key` of a test.
+
+    Return None if a number is invalid, or if all numbers are 0. `example` is a valid direction for the help text.
+    """
+    x, y, z = (reader.number(value, (key, index), NUMBER, f"a component of `{key}`") for index, value in enumerate(values))
+    length = hypot(x, y, z)
+    if length == 0.0:
+        reader.error(Code.OUT_OF_RANGE, f"`{key}` must not be zero", key, help=f"write, for example, `{key}: {example}`")
+    return (x / length, y / length, z / length) if length > 0.0 else None
 
 
 TestModel = TypeVar("TestModel", bound=Model)

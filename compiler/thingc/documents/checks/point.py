@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import ConfigDict, Field
 
-from thingc.base.diagnostics import Code
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.numeric import hypot, radians
+from thingc.base.numeric import radians
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Vector
-from thingc.base.units import ANGLE, LENGTH, NUMBER
-from thingc.documents.checks.kind import CheckKind
+from thingc.base.units import ANGLE, LENGTH
+from thingc.documents.checks.kind import CheckKind, read_direction
 from thingc.documents.spec.base import Model, rule
 from thingc.documents.spec.fields import AngleField, LengthField, NumberField, Vector3Length
 from thingc.documents.spec.name_types import ModeNames, ShownMountField
@@ -70,14 +69,7 @@ def read_point(spec: PointTest, reader: Reader) -> PointCheck | None:
     mount, frame = reader.mount(spec.mount, "mount"), reader.mount(spec.in_, "in")
     point = reader.vector(spec.at, "at", LENGTH)
     within = reader.number(spec.within, "within", LENGTH, above=0.0)
-    direction = None
-    if spec.direction is not None:
-        description = "a component of `direction`"
-        x, y, z = (reader.number(value, ("direction", index), NUMBER, description) for index, value in enumerate(spec.direction))
-        length = hypot(x, y, z)
-        if length == 0.0:
-            reader.error(Code.OUT_OF_RANGE, "`direction` must not be zero", "direction", help="write, for example, `direction: [0, 0, -1]`")
-        direction = (x / length, y / length, z / length) if length > 0.0 else None
+    direction = None if spec.direction is None else read_direction(spec.direction, reader, "direction", "[0, 0, -1]")
     angle = reader.number(spec.angle, "angle", ANGLE, above=0.0, default=ANGLE_OFF)
     if mount is None or point is None:
         return None

@@ -8,11 +8,10 @@ from pydantic import Field
 
 from thingc.base.diagnostics import Code
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.numeric import hypot
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Vector
 from thingc.base.units import LENGTH, NUMBER
-from thingc.documents.checks.kind import CheckKind
+from thingc.documents.checks.kind import CheckKind, read_direction
 from thingc.documents.spec.base import Model, rule
 from thingc.documents.spec.fields import LengthField, NumberField, RatioField
 from thingc.documents.spec.name_types import ModeNames, PoseNames, ShownMountField
@@ -70,10 +69,7 @@ class StackCheck(OneLineRepr, FrozenStruct):
 def read_stack(spec: StackTest, reader: Reader) -> StackCheck | None:
     """Parse the keys of a `stack` test. If the test is invalid, report the error and return None."""
     of, base = reader.mount(spec.of, "of"), reader.mount(spec.from_, "from")
-    x, y, z = (reader.number(value, ("along", index), NUMBER, "a component of `along`") for index, value in enumerate(spec.along))
-    length = hypot(x, y, z)
-    if length == 0.0:
-        reader.error(Code.OUT_OF_RANGE, "`along` must not be zero", "along", help="write, for example, `along: [0, 0, 1]`")
+    along = read_direction(spec.along, reader, "along", "[0, 0, 1]")
     worst, rss, within = (
         None if raw is None else reader.number(raw, key, LENGTH, above=0.0)
         for key, raw in (("worst", spec.worst), ("rss", spec.rss), ("within", spec.within))
@@ -81,11 +77,9 @@ def read_stack(spec: StackTest, reader: Reader) -> StackCheck | None:
     share = None if spec.yield_ is None else reader.number(spec.yield_, "yield", NUMBER, above=0.0, most=1.0)
     if share == 1.0:
         reader.error(Code.OUT_OF_RANGE, "`yield` must be below 100 %", "yield", help="for all robots, use `worst` instead")
-    if of is None or base is None or not length > 0.0:
+    if of is None or base is None or along is None:
         return None
-    return StackCheck(
-        of=of, base=base, along=(x / length, y / length, z / length), worst=worst, rss=rss, within=within, share=share,
-    )
+    return StackCheck(of=of, base=base, along=along, worst=worst, rss=rss, within=within, share=share)
 
 
 KIND = CheckKind(

@@ -62,8 +62,8 @@ class _Evaluator:
         value = self.value(term)
         if isinstance(value, Quantity):
             return value
-        found = "a boolean" if isinstance(value, bool) else "a string"
-        raise ExpressionError(f"expected a quantity, found {found} (`{self.source_of(term)}`)", term.offset, term.end, kind="dimension")
+        message = f"expected a quantity, found {kind_of(value)} (`{self.source_of(term)}`)"
+        raise ExpressionError(message, term.offset, term.end, kind="dimension")
 
     def source_of(self, term: Term) -> str:
         return shorten(self.text[term.offset : term.end])

@@ -135,9 +135,7 @@ def safe_edits(
             text_edit = TextEdit(
                 file=file, line=at.line, column=at.column, start=place[0], end=place[1], written=edit.written, replacement=edit.replacement,
             )
-            if any(other.file == file and other.start < place[1] and place[0] < other.end for other in edits):
-                continue
-            if text_edit not in edits:
+            if not any(other.file == file and other.start < place[1] and place[0] < other.end for other in edits):
                 edits.append(text_edit)
     return edits
 
@@ -170,9 +168,7 @@ def _is_misspelling(edit: Edit, counts: Counter[str], declared: set[str]) -> boo
     replacement is a declared name, it must occur at least twice.
     """
     written, replacement = (_without_item_index(word.rpartition(".")[2]) for word in (edit.written, edit.replacement))
-    if counts[written] != 1:
-        return False
-    return replacement not in declared or counts[replacement] >= 2
+    return counts[written] == 1 and (replacement not in declared or counts[replacement] >= 2)
 
 
 def _apply_edits(chosen: Sequence[TextEdit], texts: Mapping[str, bytes], read: Callable[[str], bytes | None]) -> dict[str, bytes]:

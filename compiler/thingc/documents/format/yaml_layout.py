@@ -375,14 +375,11 @@ class _Printer:
         if piece.kind == "scalar" and self.text[piece.body] in "|>":
             original = self.text[piece.start : piece.end].split("\n")
             indents = [len(line) - len(line.lstrip(" ")) for line in original[1:] if line.strip(" ")]
-            if "\t" in original[0]:
-                original[0] = original[0].rstrip()
             least = min(indents, default=0)
             lines = formatted.split("\n")
-            for index, line in enumerate(original):
-                if index == 0:
-                    lines[0] = lines[0].rstrip()
-                elif not line.strip(" ") and len(line) <= least:
+            lines[0] = lines[0].rstrip()
+            for index, line in enumerate(original[1:], 1):
+                if not line.strip(" ") and len(line) <= least:
                     lines[index] = ""
             return "\n".join(lines)
         return formatted

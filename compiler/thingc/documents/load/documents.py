@@ -278,9 +278,7 @@ class _Reader:
         if document.relative in self.done:
             return
         self.done.add(document.relative)
-        if document.kind not in _REFERENCES_BY_KIND:
-            return
-        for key, text, where in _REFERENCES_BY_KIND[document.kind](document.tree):
+        for key, text, where in _references(document):
             if self.limit_exceeded(where):
                 return
             if key in ("file", "mesh", "picture"):
@@ -387,27 +385,22 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
     return kind
 
 
-def _assembly_references(tree: MappingNode) -> Iterator[tuple[str, str, Span]]:
-    """Yield all files that an assembly document references: the kind of the file (a key of `_REFERENCED`), the path, and its location."""
-    components = [entries_of(one) for one in entries_of(tree.entries.get("components")).values()]
-    listed = [entries for one in components for entries in (one, entries_of(one.get("collision")))]
-    shapes = [entries_of(shape) for one in listed for shape in _items(one.get("shapes"))]
-    references = [
-        *(("materials", one) for one in _items(tree.entries.get("materials"))), *(("file", one.get("file")) for one in components),
-        *(("mesh", one.get("mesh")) for one in shapes), *(("assembly", one.get("assembly")) for one in components),
-        ("catalog", tree.entries.get("catalog")),
-        *(("motion", entries_of(one).get("file")) for one in entries_of(tree.entries.get("motions")).values()),
-        *(("picture", entries_of(one.get("bom")).get("picture")) for one in components),
-    ]
-    yield from _string_references(references)
-
-
-def _catalog_references(tree: MappingNode) -> Iterator[tuple[str, str, Span]]:
-    """Yield the pictures that a catalogue references."""
-    yield from _string_references(("picture", entries_of(row).get("picture")) for row in _items(tree.entries.get("rows")))
-
-
-def _string_references(references: Iterable[tuple[str, Node | None]]) -> Iterator[tuple[str, str, Span]]:
+def _references(document: Document) -> Iterator[tuple[str, str, Span]]:
+    """Yield all files that a document references: the kind of the file (a key of `_REFERENCED`), the path, and its location."""
+    entries, references = document.tree.entries, list[tuple[str, Node | None]]()
+    if document.kind == "catalog":
+        references = [("picture", entries_of(row).get("picture")) for row in _items(entries.get("rows"))]
+    elif document.kind == "assembly":
+        components = [entries_of(component) for component in entries_of(entries.get("components")).values()]
+        with_shapes = [owner for component in components for owner in (component, entries_of(component.get("collision")))]
+        shapes = [entries_of(shape) for owner in with_shapes for shape in _items(owner.get("shapes"))]
+        references = [
+            *(("materials", path) for path in _items(entries.get("materials"))), *(("file", part.get("file")) for part in components),
+            *(("mesh", shape.get("mesh")) for shape in shapes), *(("assembly", nested.get("assembly")) for nested in components),
+            ("catalog", entries.get("catalog")),
+            *(("motion", entries_of(motion).get("file")) for motion in entries_of(entries.get("motions")).values()),
+            *(("picture", entries_of(component.get("bom")).get("picture")) for component in components),
+        ]
     for key, node in references:
         if isinstance(node, ScalarNode) and isinstance(node.value, str):
             yield key, node.value, node.span
@@ -416,9 +409,6 @@ def _string_references(references: Iterable[tuple[str, Node | None]]) -> Iterato
 def _items(node: Node | None) -> tuple[Node, ...]:
     return node.items if isinstance(node, SequenceNode) else ()
 
-
-_REFERENCES_BY_KIND = {"assembly": _assembly_references, "catalog": _catalog_references}
-"""For each kind of document that can reference other files, the function that yields them."""
 
 _REFERENCED = {
     "assembly": ("an assembly document", DOCUMENT_SUFFIXES), "materials": ("a materials document", DOCUMENT_SUFFIXES),

@@ -66,6 +66,18 @@ class Source:
         return self.text[self.starts[number] : end].rstrip("\r\n")
 
 
+def narrow_span(span: Span, line: str, text: str, start: int, end: int) -> Span | None:
+    """Return the span of the characters from `start` to `end` (exclusive) in the string `text` at `span`, which is on one line.
+
+    `line` is the text of the line. Return None if the string contains escapes, so that the span cannot be determined.
+    """
+    begin = line[span.column - 1 : span.end_column - 1].find(text)
+    if begin < 0:
+        return None
+    column = span.column + begin
+    return Span(file=span.file, line=span.line, column=column + start, end_line=span.line, end_column=column + end)
+
+
 def decode(file: str, data: bytes, report: Report) -> Source | None:
     """Decode the bytes of a file as UTF-8.
 

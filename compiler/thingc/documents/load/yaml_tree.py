@@ -9,7 +9,7 @@ interprets scalars by the rules of YAML 1.2.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 from msgspec.structs import replace
 
@@ -92,11 +92,8 @@ class _Builder:
             kind = type(event).__name__
             if kind == "DocumentStartEvent":
                 if root is not None:
-                    self.report.add(
-                        Code.SEVERAL_DOCUMENTS, "a second document starts here; a file must contain only one document", self.span(event),
-                        help="move the second document to a separate file",
-                    )
-                    raise _Stop
+                    message = "a second document starts here; a file must contain only one document"
+                    self.stop(Code.SEVERAL_DOCUMENTS, message, self.span(event), "move the second document to a separate file")
                 if event.version is not None and tuple(event.version) != (1, 2):
                     found = ".".join(map(str, event.version))
                     message = f"documents are YAML 1.2, found `%YAML {found}`"
@@ -106,6 +103,11 @@ class _Builder:
 
     def span(self, event: Any) -> Span:
         return self.source.span(event.start_mark.index, event.end_mark.index)
+
+    def stop(self, code: Code, message: str, span: Span, help: Hint | None = None) -> NoReturn:
+        """Report an error after which the rest of the document is not read."""
+        self.report.add(code, message, span, help=help)
+        raise _Stop
 
     def node(self, event: Any, level: int) -> Node:
         kind = type(event).__name__
@@ -126,7 +128,11 @@ class _Builder:
             self.anchors[event.anchor] = anchored
         before, deepest = self.nodes, self.deepest
         self.deepest = level
-        node = self.content(event, kind, level)
+        node: Node
+        if kind == "ScalarEvent":
+            node = self.scalar(event)
+        else:
+            node = self.sequence(event, level) if kind == "SequenceStartEvent" else self.mapping(event, level)
         if anchored is not None:
             anchored.node = node
             anchored.nodes = self.nodes - before + 1
@@ -145,15 +151,7 @@ class _Builder:
         else:
             return
         start = event.start_mark.index
-        self.report.add(Code.TOO_LARGE, message, self.source.span(start, start + 1))
-        raise _Stop
-
-    def content(self, event: Any, kind: str, level: int) -> Node:
-        if kind == "ScalarEvent":
-            return self.scalar(event)
-        if kind == "SequenceStartEvent":
-            return self.sequence(event, level)
-        return self.mapping(event, level)
+        self.stop(Code.TOO_LARGE, message, self.source.span(start, start + 1))
 
     def alias(self, event: Any, level: int) -> Node:
         anchored = self.anchors.get(event.anchor)
@@ -161,20 +159,16 @@ class _Builder:
             help: Hint = f'a value that starts with `*` needs quotes: `"*{event.anchor}..."`'
             if self.anchors:
                 help = did_you_mean(event.anchor, self.anchors, what="anchors")
-            self.report.add(Code.ALIAS, f"`*{event.anchor}` refers to an unknown anchor", self.span(event), help=help)
-            raise _Stop
+            self.stop(Code.ALIAS, f"`*{event.anchor}` refers to an unknown anchor", self.span(event), help)
         if anchored.node is None:
-            self.report.add(Code.ALIAS, f"`*{event.anchor}` is inside the value that it refers to", self.span(event))
-            raise _Stop
+            self.stop(Code.ALIAS, f"`*{event.anchor}` is inside the value that it refers to", self.span(event))
         self.from_aliases += anchored.nodes
         self.nodes += anchored.nodes
         self.deepest = max(self.deepest, level + anchored.height)
         if self.from_aliases > MAX_ALIAS_NODES:
-            self.report.add(Code.TOO_LARGE, f"aliases expand to more than {MAX_ALIAS_NODES} values", self.span(event))
-            raise _Stop
+            self.stop(Code.TOO_LARGE, f"aliases expand to more than {MAX_ALIAS_NODES} values", self.span(event))
         if level + anchored.height > MAX_LEVELS:
-            self.report.add(Code.TOO_LARGE, f"the document has more than {MAX_LEVELS} levels of nesting", self.span(event))
-            raise _Stop
+            self.stop(Code.TOO_LARGE, f"the document has more than {MAX_LEVELS} levels of nesting", self.span(event))
         return anchored.node
 
     def scalar(self, event: Any) -> ScalarNode:
@@ -298,8 +292,7 @@ class _Builder:
         start = event.start_mark.index
         if self.source.text[max(0, start - 1) : start] == "?" and not self.source.text[start : start + 1].isspace():
             # libyaml reads the `?` of `{?_knee: 1}` as an explicit key, although no space follows
-            self.report.add(Code.SYNTAX, "a name cannot start with `?` here", self.source.span(start - 1, start), help="quote the name")
-            raise _Stop
+            self.stop(Code.SYNTAX, "a name cannot start with `?` here", self.source.span(start - 1, start), "quote the name")
         node = self.node(event, level + 1)
         if not isinstance(node, ScalarNode):
             found = "a list" if isinstance(node, SequenceNode) else "a mapping"

@@ -11,6 +11,7 @@ from functools import cache
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode, Span, entries_of, node_at, walk
+from thingc.documents.load.text import narrow_span
 from thingc.documents.spec.annotation_types import FieldType, alternatives, branch_of, model_keys, shape_of
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.name_types import DeclaresName, RefersTo
@@ -236,8 +237,4 @@ class DocumentNames:
         """Return the span of the characters from `start` to `end` in the string at `span`. Return None if the string contains escapes."""
         if span.file != self.path or span.line != span.end_line:
             return None
-        begin = self.lines[span.line - 1][span.column - 1 : span.end_column - 1].find(text)
-        if begin < 0:
-            return None
-        column = span.column + begin
-        return Span(file=span.file, line=span.line, column=column + start, end_line=span.line, end_column=column + end)
+        return narrow_span(span, self.lines[span.line - 1], text, start, end)

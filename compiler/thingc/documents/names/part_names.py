@@ -24,7 +24,7 @@ Role = Literal["declared", "used", "fits"]
 class Name(FrozenStruct, kw_only=False):
     """A name that a document or a part module declares.
 
-    `what` is the type of the named element: a type from `name_types.py`, or `document`, `part`, `part mount` or `part parameter`. `file` is
+    `kind` is the type of the named element: a type from `name_types.py`, or `document`, `part`, `part mount` or `part parameter`. `file` is
     the absolute path of the document or module that declares the name, or an empty string if unknown. `owner` is the component or class in
     this file to which the name belongs (`components.leg`), or the reference `module:Class` if the file is unknown.
     """
@@ -213,8 +213,9 @@ class PartNames:
 
         Whether the code uses the mount or parameter, or only the same name, is not known without running the code.
         """
-        family = {(module.file, node.name) for module, node in self._family(name)}
-        known = {(span.file, span.line, span.column) for module, node in self._family(name) for span in _name_spans(module, node, name)}
+        members = self._family(name)
+        family = {(module.file, node.name) for module, node in members}
+        known = {(span.file, span.line, span.column) for module, node in members for span in _name_spans(module, node, name)}
         for module in self._all_modules():
             for node in ast.walk(module.tree):
                 if _may_refer_to(node, name, {one for _, one in family}):

@@ -216,9 +216,8 @@ def _find_differences(old: Node, new: Node, spans: set[Span]) -> Iterator[Span]:
             yield old.span
         for old_item, new_item in zip(old.items, new.items, strict=False):
             yield from _find_differences(old_item, new_item, spans)
-    elif not isinstance(old, ScalarNode) or not isinstance(new, ScalarNode) or type(old.value) is not type(new.value):
-        yield old.span
-    else:
-        changed = old.value != new.value
-        if changed and not any(old.span.holds(span) for span in spans):
+    elif isinstance(old, ScalarNode) and isinstance(new, ScalarNode) and type(old.value) is type(new.value):
+        if old.value != new.value and not any(old.span.holds(span) for span in spans):
             yield old.span
+    else:
+        yield old.span

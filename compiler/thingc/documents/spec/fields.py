@@ -38,8 +38,7 @@ from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.spec.patterns import ANY_VALUE, EXPRESSION, quantity_pattern, vector_pattern
 
 if TYPE_CHECKING:
-    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
-    from pydantic.json_schema import JsonSchemaValue
+    from pydantic import GetCoreSchemaHandler
 
 Value = Union[Quantity, Expression]
 Vector = tuple[Value, Value, Value]
@@ -54,13 +53,8 @@ class FieldValidator:
         self.schema = dict(schema)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        return core_schema.no_info_plain_validator_function(self.validate, metadata=self._metadata())
-
-    def _metadata(self) -> dict[str, Any]:
-        def describe(schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-            return dict(self.schema)
-
-        return {"pydantic_js_functions": [describe]}
+        metadata = {"pydantic_js_functions": [lambda schema, handler: dict(self.schema)]}
+        return core_schema.no_info_plain_validator_function(self.validate, metadata=metadata)
 
 
 def text_field(
@@ -109,10 +103,13 @@ def describe(value: object) -> str:
     return "nothing"
 
 
-def read_expression(text: str) -> Expression:
-    """Parse an expression such as `=reach / 2`. Syntax errors are raised as pydantic validation errors."""
+def read_expression(text: str, *, dotted: bool = False) -> Expression:
+    """Parse an expression such as `=reach / 2`, or with `dotted`, one whose names can contain dots.
+
+    Syntax errors are raised as pydantic validation errors.
+    """
     try:
-        return parse_expression(text)
+        return parse_expression(text, dotted=dotted)
     except ExpressionError as error:
         kind = "unit" if error.kind == "unit" else "expression"
         raise fault(kind, error.message, help=error.help, offset=error.offset, end=error.end) from None
@@ -236,7 +233,7 @@ def any_value(value: Any) -> Value | bool | str:
     if is_expression(value):
         return read_expression(value)
     if isinstance(value, str):
-        if not _begins_with_number(value):
+        if scan_number(value.lstrip()) is None:
             return value
         try:
             return parse_quantity(value)
@@ -245,11 +242,6 @@ def any_value(value: Any) -> Value | bool | str:
     if isinstance(value, (int, float)):
         return _unitless_quantity(value)
     raise fault("type", f"expected a quantity, an expression, a boolean or a string, found {describe(value)}")
-
-
-def _begins_with_number(text: str) -> bool:
-    stripped = text.lstrip()
-    return scan_number(stripped) is not None
 
 
 def _joint_value(value: Any) -> Value | str:

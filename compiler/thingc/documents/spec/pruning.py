@@ -58,7 +58,7 @@ def prune(plain: dict[str, Any], faults: Sequence[Fault]) -> set[Path] | None:
     for fault in faults:
         path = fault.path
         if fault.kind == "extra_forbidden":
-            mapping = _value_at(plain, path[:-1])
+            mapping = value_at(plain, path[:-1])
             keys = model_keys(fault.shape.model) if fault.shape.model is not None else {}
             absent = [key for key in keys if not isinstance(mapping, dict) or key not in mapping]
             similar = nearest(str(path[-1]), absent)
@@ -70,7 +70,7 @@ def prune(plain: dict[str, Any], faults: Sequence[Fault]) -> set[Path] | None:
         if fault.kind == MISPLACED:
             for name in fault.value:
                 removed.update(((*path[:-1], name), (*path[:-1], fault.context["owner"], name)))
-                _value_at(plain, path[:-1]).pop(name, None)
+                value_at(plain, path[:-1]).pop(name, None)
             continue
         if fault.kind == "missing":
             path = path[:-1]
@@ -98,9 +98,9 @@ def remove_entry(plain: dict[str, Any], path: Path, *, name: bool = False) -> Pa
     if plain.get("thingc") == "materials/1" and len(path) == 1:
         return None
     for length in range(1, len(path)):  # a key may look like the index of a list
-        if isinstance(_value_at(plain, path[:length]), list):
+        if isinstance(value_at(plain, path[:length]), list):
             return remove_entry(plain, path[:length], name=name)
-    mapping = _value_at(plain, path[:-1])
+    mapping = value_at(plain, path[:-1])
     if isinstance(mapping, dict) and path[-1] in mapping:
         if len(path) == 2 and path[0] in _PLACEHOLDERS and not name:
             mapping[path[-1]] = copy(_PLACEHOLDERS[str(path[0])])
@@ -109,7 +109,7 @@ def remove_entry(plain: dict[str, Any], path: Path, *, name: bool = False) -> Pa
     return path
 
 
-def _value_at(value: Any, path: Path) -> Any:
+def value_at(value: Any, path: Path) -> Any:
     """Return the value at a path of a document that consists of plain Python values. Return None if the path does not exist."""
     for step in path:
         if isinstance(value, dict):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
@@ -85,19 +84,19 @@ _VECTOR = re.compile(r"(\S+)\s+(\S+)\s+([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*)", r
 """Regular expression of a vector: three numbers with a common unit."""
 
 
-def _joints(document: Document, path: Path) -> tuple[Iterator[str], str]:
+def _joints(document: Document, path: Path) -> tuple[list[str], str]:
     """Return the names of the joints to which the value at a path applies, and the key of the value."""
     joints = node_at(document.tree, ("joints",))
     names = list(joints.entries) if isinstance(joints, MappingNode) else []
     key = str(path[-1]) if path else ""
     if len(path) > 2 and path[0] == "joints":
-        return iter((str(path[1]),)), key
+        return [str(path[1])], key
     if path[:2] == ("defaults", "joint"):
-        return iter(names), key
+        return names, key
     if len(path) == 3 and path[0] == "poses":
         entry_name = re.sub(r"_\d+$", "", key)  # name of an element of a repeat
-        return (name for name in names if name in (key, entry_name) or fnmatchcase(name, key)), "offset"
-    return iter(()), key
+        return [name for name in names if name in (key, entry_name) or fnmatchcase(name, key)], "offset"
+    return [], key
 
 
 def _coordinate(document: Document, name: str) -> Dimension | None:

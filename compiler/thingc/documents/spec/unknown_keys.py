@@ -41,9 +41,8 @@ class UnknownKey:
             return
         self.intended = nearest(self.key, absent)
         if self.intended is not None:
-            self.help = near_hint(self.key, self.known_keys) or ""
-            if str(self.help) != f"did you mean `{self.intended}`?":
-                self.help = f"did you mean `{self.intended}`?"
+            hint, message = near_hint(self.key, self.known_keys), f"did you mean `{self.intended}`?"
+            self.help = hint if hint is not None and str(hint) == message else message
         elif close := nearest(self.key, self.known_keys):
             self.help = f"`{close}` already exists here"
         else:

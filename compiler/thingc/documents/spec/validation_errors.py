@@ -24,7 +24,7 @@ from thingc.documents.spec.annotation_types import FieldType, branch_of, model_k
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import decimal_point
 from thingc.documents.spec.invalid_entries import InvalidEntries
-from thingc.documents.spec.pruning import ROUNDS, Fault, prune, remove_entry
+from thingc.documents.spec.pruning import ROUNDS, Fault, prune, remove_entry, value_at
 from thingc.documents.spec.unknown_keys import combine_faults
 from thingc.documents.spec.validation_messages import KINDS, MAX_FAULTS, FaultReporter, format_path
 
@@ -135,7 +135,7 @@ def _faults(shape: FieldType, value: Any, path: Path, error: ValidationError) ->
         if union:
             if steps not in unions:
                 unions.add(steps)
-                yield from _union_faults(inner_shape, _value_at(value, steps), (*path, *steps))
+                yield from _union_faults(inner_shape, value_at(value, steps), (*path, *steps))
             continue
         context = dict(entry.get("ctx", {}))
         if entry["type"] not in KINDS:
@@ -198,9 +198,3 @@ def _document_path(shape: FieldType, location: tuple[int | str, ...], kind: str)
         else:
             break
     return tuple(path), shape, False, shape.kind == "union" and kind != "missing"
-
-
-def _value_at(value: Any, path: Path) -> Any:
-    for step in path:
-        value = value[step]
-    return value

@@ -14,6 +14,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Document, MappingNode, Node, Path, ScalarNode, SequenceNode, Span, node_at
 from thingc.base.suggestions import Hint, Suggestion, near_hint
 from thingc.base.units import shorten
+from thingc.documents.load.text import narrow_span
 from thingc.documents.spec.annotation_types import FieldType, alternatives, format_choice, model_keys, one_of
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import describe, read_value
@@ -252,14 +253,7 @@ def span_within(document: Document, path: Path, offset: int, end: int) -> Span |
     Return None if the scalar is on several lines or contains escapes, so that the span cannot be determined.
     """
     node = node_at(document.tree, path)
-    if not isinstance(node, ScalarNode) or node.span.line != node.span.end_line or node.span.file != document.path:
+    if not isinstance(node, ScalarNode) or not node.text or node.span.line != node.span.end_line or node.span.file != document.path:
         return None
-    source_text = document.line(node.span.line)[node.span.column - 1 : node.span.end_column - 1]
-    begin = source_text.find(node.text)
-    if begin < 0 or not node.text:
-        return None
-    column = node.span.column + begin
-    return Span(
-        file=node.span.file, line=node.span.line, column=column + min(offset, len(node.text) - 1),
-        end_line=node.span.line, end_column=column + max(min(end, len(node.text)), min(offset, len(node.text) - 1) + 1),
-    )
+    start = min(offset, len(node.text) - 1)
+    return narrow_span(node.span, document.line(node.span.line), node.text, start, max(min(end, len(node.text)), start + 1))

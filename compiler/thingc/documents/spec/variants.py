@@ -7,10 +7,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from thingc.base.units import shorten
-from thingc.documents.expressions.parsing import parse_expression
-from thingc.documents.expressions.terms import Expression, ExpressionError
+from thingc.documents.expressions.terms import Expression
 from thingc.documents.spec.base import Model, rule
-from thingc.documents.spec.fields import AnyQuantityField, CountField, FieldValidator, Name, describe, fault, name_of
+from thingc.documents.spec.fields import AnyQuantityField, CountField, FieldValidator, Name, describe, fault, name_of, read_expression
 from thingc.documents.spec.name_types import AssemblyDocument, ModeField, PoseField, RefersTo, ShownMountField
 from thingc.documents.spec.settable_values import EXAMPLES, VALUES, is_value, parse
 
@@ -25,12 +24,7 @@ def _rule_text(value: Any) -> Expression:
     """Validate a comparison of parameters and results."""
     if not isinstance(value, str):
         raise fault("type", f"expected a comparison such as `mass < 2.5 kg`, found {describe(value)}")
-    try:
-        expression = parse_expression(value, dotted=True)
-    except ExpressionError as error:
-        raise fault(
-            "unit" if error.kind == "unit" else "expression", error.message, help=error.help, offset=error.offset, end=error.end,
-        ) from None
+    expression = read_expression(value, dotted=True)
     if not expression.compares:
         raise fault("expression", f"expected a comparison, found {describe(value)}", help=f"write, for example, `{shorten(value)} > 0`")
     return expression

@@ -202,8 +202,7 @@ def collisions_of(request: EmitRequest) -> Collisions:
     cached = request.made.get("collisions")
     if isinstance(cached, Collisions):
         return cached
-    collisions = Collisions(request)
-    request.made["collisions"] = collisions
+    collisions = request.made["collisions"] = Collisions(request)
     return collisions
 
 

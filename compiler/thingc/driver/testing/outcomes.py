@@ -1,11 +1,11 @@
-"""Data types for single runs of document tests (`TestCase`) and the results of their measurements (`Outcome`)."""
+"""Data types for single runs of document tests (`TestCase`, `Result`) and the results of their measurements (`Outcome`)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
-from thingc.base.diagnostics import Code, Note, Report
+from thingc.base.diagnostics import Code, Diagnostic, Note, Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import Dimension, Quantity
@@ -44,6 +44,31 @@ class Outcome(FrozenStruct):
     expected: Mapping[str, Measure] = {}
     failure: Failure | None = None
     needed: frozenset[int] = frozenset()
+
+
+class Result(FrozenStruct):
+    """The result of a single run of a test, with the duration of the run [s]. A failed run also has a diagnostic."""
+
+    name: str
+    kind: str
+    mode: str | None
+    pose: str | None
+    outcome: Outcome
+    seconds: float
+    diagnostic: Diagnostic | None = None
+
+    @property
+    def passed(self) -> bool:
+        """Whether the test passed."""
+        return self.outcome.failure is None
+
+    @property
+    def where(self) -> str:
+        """The mode and the pose in which the test ran, such as `bench, home`.
+
+        The result is an empty string for a test that does not depend on the mode and the pose.
+        """
+        return ", ".join(name for name in (self.mode, self.pose) if name is not None)
 
 
 def format_si(value: float, dimension: Dimension) -> str:

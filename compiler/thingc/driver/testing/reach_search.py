@@ -39,12 +39,8 @@ def farthest(robot: Robot, mount: MountAt, base: MountAt, origin: Origin) -> tup
     chain = NumpyTree(robot)
     ends = chain.mount(mount), chain.mount(base)
     best, best_x = -1.0, np.zeros(len(chain.paths))
-    starts: list[tuple[float, Array]] = []
-    for x in _start_positions(chain, origin):
-        distance, _ = _distance(chain, ends, x)
-        starts.append((distance, x))
-    starts.sort(key=lambda pair: -pair[0])
-    for distance, x in starts[:CLIMBED]:
+    starts = [(_distance(chain, ends, x)[0], x) for x in _start_positions(chain, origin)]
+    for distance, x in sorted(starts, key=lambda pair: -pair[0])[:CLIMBED]:
         if distance > best:
             best, best_x = distance, x
         optimized = _maximize_distance(chain, ends, x)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.pose import Pose, Vector
 from thingc.model.robot.types import Keyframe, Robot
 from thingc.targets.mjcf.drives import start_delays
 from thingc.targets.mjcf.scene import FLOOR
@@ -114,13 +113,9 @@ def _points(robot: Robot, model: mujoco.MjModel, separator: str) -> list[tuple[i
         for member, pose in zip(link.members, link.poses, strict=True):
             box = robot.assembly.occurrences[member].box
             if box is not None:
-                points += [_corner(pose, box, ends) for ends in product((0, 1), repeat=3)]
+                points += [pose.apply((box[i][0], box[j][1], box[k][2])) for i, j, k in product((0, 1), repeat=3)]
         per_link.append((model.body(link.name.replace("/", separator)).id, np.array(points)))
     return per_link
-
-
-def _corner(pose: Pose, box: tuple[Vector, Vector], ends: tuple[int, ...]) -> Vector:
-    return pose.apply((box[ends[0]][0], box[ends[1]][1], box[ends[2]][2]))
 
 
 def _world_points(points: list[tuple[int, Array]], data: mujoco.MjData) -> Array:

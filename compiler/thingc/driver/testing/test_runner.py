@@ -5,16 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from fnmatch import fnmatchcase
+from functools import partial
 
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.driver.testing.kinds import measurement_of
-from thingc.driver.testing.outcomes import Failure, Outcome, TestCase, open_loops_outcome
+from thingc.driver.testing.outcomes import Failure, Outcome, Result, TestCase, open_loops_outcome
 from thingc.driver.testing.poses import keyframe, pose_robot, starting_pose
-from thingc.driver.testing.results import Result
-from thingc.model.assembly.types import Assembly, LinkedMode, LinkedTest
+from thingc.model.assembly.types import LinkedMode, LinkedTest
 from thingc.model.resolve.types import NamedPose
 from thingc.targets.request import EmitRequest
 
@@ -46,11 +46,11 @@ def run(request: EmitRequest, selection: Selection, on_result: Callable[[Result]
         outcomes: list[Outcome] = []
         modes = [mode for mode in request.assembly.modes if mode.name in linked.test.modes]
         chosen = [mode for mode in modes if not selection.modes or mode.name in selection.modes]
-        for attempt in _attempts(request, linked, chosen):
+        for mode_name, pose_name, measure in _runs(request, linked, chosen):
             started = time.perf_counter()
-            outcome = attempt.run()
+            outcome = measure()
             result = Result(
-                name=linked.test.name, kind=linked.test.kind, mode=attempt.mode, pose=attempt.pose, outcome=outcome,
+                name=linked.test.name, kind=linked.test.kind, mode=mode_name, pose=pose_name, outcome=outcome,
                 seconds=time.perf_counter() - started,
             )
             outcomes.append(outcome)
@@ -69,44 +69,39 @@ def _report_failure(linked: LinkedTest, result: Result, failure: Failure, report
     """Report a failed test as an error, at the location of the violated value in the document."""
     test = linked.test
     span = test.spans.get(failure.key)
-    location = "" if not result.where else ", ".join(
-        f"{label} `{name}`" for label, name in (("mode", result.mode), ("pose", result.pose)) if name is not None
-    )
+    labelled = [f"{label} `{name}`" for label, name in (("mode", result.mode), ("pose", result.pose)) if name is not None]
+    location = f" ({', '.join(labelled)})" if labelled else ""
     report.add(
-        failure.code, f"test `{test.name}`{f' ({location})' if location else ''}: {failure.message}",
-        (span,) if span is not None else test.origin, path=f"tests.{test.name}", help=failure.help, notes=failure.notes,
+        failure.code, f"test `{test.name}`{location}: {failure.message}", (span,) if span is not None else test.origin,
+        path=f"tests.{test.name}", help=failure.help, notes=failure.notes,
     )
 
 
-class _Attempt(FrozenStruct):
-    """A single run of a test, in one mode and pose, that has not yet started."""
-
-    mode: str | None
-    pose: str | None
-    run: Callable[[], Outcome]
+Run = tuple[str | None, str | None, Callable[[], Outcome]]
+"""A single run of a test that has not yet started: the names of its mode and pose, and a function that measures the outcome."""
 
 
-def _attempts(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMode]) -> Iterator[_Attempt]:
+def _runs(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMode]) -> Iterator[Run]:
     """Yield all runs of a test, in the order of modes and poses.
 
     A test that does not depend on the mode is run once. All other tests are run once for each mode and pose.
     """
-    measurement, assembly, check = measurement_of(linked.test.kind), request.assembly, linked.test.check
+    measurement, assembly = measurement_of(linked.test.kind), request.assembly
     kind = measurement.kind
     if not kind.takes("mode"):
         case = TestCase(linked=linked, robot=request.robots[0], request=request)
-        yield _Attempt(mode=None, pose=None, run=lambda: measurement.measure(case, check))
+        yield None, None, partial(measurement.measure, case, linked.test.check)
         return
     pose_names = {pose.name for pose in assembly.poses}
     for mode in modes:
         for pose in _poses(request, linked, mode) if kind.takes("pose") else [starting_pose(assembly, mode)]:
             pose_name = pose.name if kind.takes("pose") and pose.name in pose_names else None
-            yield _Attempt(mode=mode.name, pose=pose_name, run=_in_pose(request, linked, mode, pose))
+            yield mode.name, pose_name, partial(_measure_in_pose, request, linked, mode, pose)
 
 
 def _poses(request: EmitRequest, linked: LinkedTest, mode: LinkedMode) -> list[NamedPose]:
     """Return the poses of a test in a mode. The test specifies names of poses, all keyframes, or by default the start pose of the mode."""
-    assembly: Assembly = request.assembly
+    assembly = request.assembly
     by_name = {pose.name: pose for pose in assembly.poses}
     if linked.test.every_pose:
         robot = next(robot for robot in request.robots if robot.mode.name == mode.name)
@@ -114,17 +109,13 @@ def _poses(request: EmitRequest, linked: LinkedTest, mode: LinkedMode) -> list[N
     return [starting_pose(assembly, mode) if name is None else by_name[name] for name in linked.test.poses]
 
 
-def _in_pose(request: EmitRequest, linked: LinkedTest, mode: LinkedMode, pose: NamedPose) -> Callable[[], Outcome]:
-    """Return a function without arguments that runs a test in a mode and a pose, and returns the outcome."""
-    def run() -> Outcome:
-        measurement, check = measurement_of(linked.test.kind), linked.test.check
-        poses = measurement.poses(check, pose)
-        robot = pose_robot(request.assembly, mode, poses)
-        frames = () if robot is None else tuple(frame for run_pose in poses if (frame := keyframe(robot, run_pose)) is not None)
-        if robot is None or not frames:
-            return open_loops_outcome()
-        return measurement.measure(
-            TestCase(linked=linked, robot=robot, request=request, frames=frames, missing=len(poses) - len(frames)), check,
-        )
-
-    return run
+def _measure_in_pose(request: EmitRequest, linked: LinkedTest, mode: LinkedMode, pose: NamedPose) -> Outcome:
+    """Run a test in a mode and a pose, and return the outcome."""
+    measurement, check = measurement_of(linked.test.kind), linked.test.check
+    poses = measurement.poses(check, pose)
+    robot = pose_robot(request.assembly, mode, poses)
+    frames = () if robot is None else tuple(frame for run_pose in poses if (frame := keyframe(robot, run_pose)) is not None)
+    if robot is None or not frames:
+        return open_loops_outcome()
+    case = TestCase(linked=linked, robot=robot, request=request, frames=frames, missing=len(poses) - len(frames))
+    return measurement.measure(case, check)

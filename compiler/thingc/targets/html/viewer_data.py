@@ -127,11 +127,9 @@ class _SourceLocations:
 def _definition(occurrence: Occurrence, places: _SourceLocations) -> Data:
     """Return the data of a part definition for the page. All its occurrences share this data."""
     definition, source, record = occurrence.definition, occurrence.component.definition, occurrence.record
-    location: Data = {"file": None, "line": None}
+    location: Data = {"file": definition.reference if definition.kind == "file" else None, "line": None}
     if record is not None and record.code is not None and os.path.isabs(record.code[0]):
         location = places.code(record.code[0], definition.reference)
-    elif definition.kind == "file":
-        location = {"file": definition.reference, "line": None}
     parameters = [*zip((name for name, _ in source.parameters), source.words, strict=False)] if isinstance(source, PartDefinition) else []
     return {
         "text": definition.text, "label": definition.label, "kind": definition.kind,

@@ -141,14 +141,12 @@ def mujoco_version() -> str:
 
 def changes_meshes(model: Element) -> bool:
     """Return whether raw attributes change meshes or their use, or whether added elements define contact pairs."""
-    if any(child.tag == "pair" for child in model.find_or_empty("contact").children):
+    if model.find_or_empty("contact").find("pair") is not None:
         return True
     if any(element.raw for tag in ("compiler", "default") for element in model.find_or_empty(tag).walk()):
         return True
-    return any(
-        element.tag == "mesh" or (element.tag == "geom" and not HARMLESS.issuperset(element.raw))
-        for element in model.walk() if element.raw
-    )
+    changed = (element for element in model.walk() if element.raw)
+    return any(element.tag == "mesh" or element.tag == "geom" and not HARMLESS.issuperset(element.raw) for element in changed)
 
 
 def box_bytes(file: str, points: Sequence[Sequence[float]]) -> bytes:

@@ -102,10 +102,7 @@ class _Builder:
         Models share cached elements. An element is copied only if a raw attribute changes it.
         """
         created, names = self.memo(key, elements.make_elements, make, *inputs)
-        if self.raw.isdisjoint(names):
-            parent.children.extend(created)
-        else:
-            parent.children.extend(element.copy() for element in created)
+        parent.children += created if self.raw.isdisjoint(names) else [element.copy() for element in created]
 
     def build(self) -> Element:
         """Build the `<mujoco>` element, with its sections in the order of the MuJoCo Menagerie."""
@@ -188,7 +185,7 @@ class _Builder:
             element = (parent or world).add("body", attributes, link.origin)
             elements_by_body[index] = element
             if link.properties.mass > 0.0:
-                self.add_cached(element, ("inertial", link.name), elements.inertial_of, link.properties, link.origin)
+                self.add_cached(element, ("inertial", link.name), elements.inertial, link.properties, link.origin)
             if body.parent is None and self.robot.base == "free":
                 element.add("freejoint", {"name": self.assembly.free_joint}, self.robot.mode.origin)
             joints = self.robot.moves if body.parent is None else body.joints

@@ -206,9 +206,5 @@ def _describe_movement(moved: Mapping[str, float], turns: Collection[str]) -> st
     """
     path = max(moved, key=lambda joint: abs(moved[joint]))
     others = f" and {len(moved) - 1} more" if len(moved) > 1 else ""
-    return f"`{path}`{others} changed by at most {_format_value(moved[path], turn=path in turns)}"
-
-
-def _format_value(value: float, *, turn: bool) -> str:
-    return f"{degrees(abs(value)):.3g} deg" if turn else f"{1000.0 * abs(value):.3g} mm"
-
+    distance = abs(moved[path])
+    return f"`{path}`{others} changed by at most " + (f"{degrees(distance):.3g} deg" if path in turns else f"{1000.0 * distance:.3g} mm")

@@ -55,11 +55,6 @@ def materials(shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
     )
 
 
-def inertial_of(properties: MassProperties, origin: Origin) -> tuple[Element, ...]:
-    """Return the `inertial` element for the mass properties of a link."""
-    return (Element(tag="inertial", attributes=inertial(properties), origin=origin),)
-
-
 def site(path: str, pose: Pose, origin: Origin) -> tuple[Element, ...]:
     """Return the `site` element for a named frame."""
     return (Element(tag="site", attributes={"name": path, **pose_attributes(pose)}, origin=origin),)
@@ -206,8 +201,8 @@ def _coefficients(slide: float | None, torsion: float | None, roll: float | None
     return (1.0 if slide is None else slide, 0.005 if torsion is None else torsion, 0.0001 if roll is None else roll), condim
 
 
-def inertial(properties: MassProperties) -> dict[str, XmlValue]:
-    """Return the attributes of an `inertial` element: mass [kg], centre of mass [m], and inertia about it [kg m^2], in the link frame.
+def inertial(properties: MassProperties, origin: Origin) -> tuple[Element, ...]:
+    """Return the `inertial` element of a link: mass [kg], centre of mass [m], and inertia about it [kg m^2], in the link frame.
 
     A link that never moves may have an inertia of almost 0, or one that no solid can have (a point mass). MuJoCo cannot compute the
     principal axes of such an inertia, which has no effect, so it is written as 0.
@@ -215,9 +210,11 @@ def inertial(properties: MassProperties) -> dict[str, XmlValue]:
     inertia = properties.inertia
     attributes: dict[str, XmlValue] = {"pos": properties.centre, "mass": properties.mass}
     if inertia == ZERO or physical_fault(inertia) is not None or principal_moments(inertia)[0] < LEAST_MOMENT * (1.0 + 1e-9):
-        return {**attributes, "diaginertia": "0 0 0"}
-    i = within_triangle(inertia)
-    return {**attributes, "fullinertia": (i[0][0], i[1][1], i[2][2], i[0][1], i[0][2], i[1][2])}
+        attributes["diaginertia"] = "0 0 0"
+    else:
+        i = within_triangle(inertia)
+        attributes["fullinertia"] = (i[0][0], i[1][1], i[2][2], i[0][1], i[0][2], i[1][2])
+    return (Element(tag="inertial", attributes=attributes, origin=origin),)
 
 
 def pose_attributes(pose: Pose) -> dict[str, XmlValue]:

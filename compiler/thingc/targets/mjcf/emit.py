@@ -71,8 +71,7 @@ def models(request: EmitRequest) -> Models:
         model = write(root, said)
         candidates.append(verify.Candidate(
             mode=robot.mode.name, file=file, root=root, heading=said, model=model,
-            scene=scene.scene(robot, file, said, model, request.memo, compat.separator(request.compat)), origin=robot.mode.origin,
-            robot=robot,
+            scene=scene.scene(robot, file, said, model, request.memo, compat.separator(request.compat)), robot=robot,
         ))
     lost |= suited
     every = tuple(candidates)

@@ -55,12 +55,8 @@ def apply(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element]
         if fault is not None:
             report_fault(attribute, (*fault, 0), report)
             continue
-        elements = [
-            element
-            for robot, model in zip(robots, models, strict=True)
-            for element in [_element(attribute, robot, model)]
-            if element is not None
-        ]
+        in_models = [_element(attribute, robot, model) for robot, model in zip(robots, models, strict=True)]
+        elements = [element for element in in_models if element is not None]
         for element in elements:
             if is_order:
                 ranks.setdefault(id(element), len(ranks))

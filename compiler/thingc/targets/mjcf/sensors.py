@@ -82,17 +82,13 @@ def _volume(sensor: LinkedSensor) -> str:
 def sensors(robot: Robot, section: Element) -> None:
     """Add the sensors of the robot to the section `sensor` of the MJCF model, in the order of the documents. Cameras have no readings."""
     for sensor in robot.assembly.sensors:
-        if is_written(CAPABILITIES["sensors"][sensor.kind]) and not _missing(robot, sensor):
-            _elements(robot, sensor, section)
-
-
-def _elements(robot: Robot, sensor: LinkedSensor, section: Element) -> None:
-    for reading in SENSORS[sensor.kind].readings:
-        attributes: dict[str, XmlValue] = {"name": sensor.part(reading.name), **_objects(robot, sensor, reading.name)}
-        for key, numbers_ in (("noise", sensor.noise), ("cutoff", sensor.cutoff)):
-            if reading.name in numbers_:
-                attributes[key] = numbers_[reading.name]
-        section.add(ELEMENTS[sensor.kind][reading.name], attributes, sensor.origin)
+        if not is_written(CAPABILITIES["sensors"][sensor.kind]) or _missing(robot, sensor):
+            continue
+        for reading in SENSORS[sensor.kind].readings:
+            attributes: dict[str, XmlValue] = {"name": sensor.part(reading.name), **_objects(robot, sensor, reading.name)}
+            by_reading = {"noise": sensor.noise, "cutoff": sensor.cutoff}
+            attributes |= {key: values[reading.name] for key, values in by_reading.items() if reading.name in values}
+            section.add(ELEMENTS[sensor.kind][reading.name], attributes, sensor.origin)
 
 
 def _objects(robot: Robot, sensor: LinkedSensor, reading: ReadingName) -> dict[str, str]:

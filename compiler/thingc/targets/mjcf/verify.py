@@ -16,7 +16,6 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code, Note, Report, Severity
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
-from thingc.base.source import Origin
 from thingc.geometry.store.local import Store
 from thingc.model.robot.types import Robot
 from thingc.targets.geometry import Geometry, MeshAsset
@@ -42,7 +41,6 @@ class Candidate(FrozenStruct):
     heading: str
     model: XmlText
     scene: XmlText
-    origin: Origin
     robot: Robot
 
     @property
@@ -236,11 +234,8 @@ def remaining(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], stor
     if not similar:
         return list(candidates)
     files = memo("mujoco files", lambda _: in_memory(accepted.data(())), tuple(meshes))
-    accepted_modes = set()
-    for candidate in similar:
-        result = attempt(_without_threads(candidate.model.text), files)
-        if result.error is None and not result.warnings:
-            accepted_modes.add(candidate.mode)
+    results = {candidate.mode: attempt(_without_threads(candidate.model.text), files) for candidate in similar}
+    accepted_modes = {mode for mode, result in results.items() if result.error is None and not result.warnings}
     if len(accepted_modes) == len(similar):
         accepted.accept_meshes()
     return [candidate for candidate in candidates if candidate.mode not in accepted_modes]
@@ -345,7 +340,7 @@ def _explain(candidate: Candidate, files: Any, report: Report, *, scene_error: s
         xml = write(candidate.root, candidate.heading)
     if xml is candidate.model:
         message = f"MuJoCo rejects the scene of mode `{candidate.mode}`: {_shorten_message(scene_error)}"
-        report.add(Code.MJCF_REFUSED, message, candidate.origin, path=candidate.mode)
+        report.add(Code.MJCF_REFUSED, message, candidate.robot.mode.origin, path=candidate.mode)
 
 
 def _find_raw_cause(error: str, element_at_error: Element | None, candidate: Candidate, files: Any) -> tuple[Element, str, RawValue] | None:
@@ -383,7 +378,7 @@ def _report_message(
                 report.add(code, message, value.attribute.origin, path=path, severity=severity)
                 return
     subject = "the model" if concerned is None or concerned.tag == "mujoco" else concerned.label
-    origin = concerned.origin if concerned is not None and concerned.origin else candidate.origin
+    origin = concerned.origin if concerned is not None and concerned.origin else candidate.robot.mode.origin
     name_of = (concerned.get("name") or None) if concerned is not None else None
     report.add(code, f"MuJoCo {verb} {subject}: {_shorten_message(text)}", origin, path=name_of, severity=severity)
 

@@ -45,7 +45,7 @@ def ros2_control(robot: Robot) -> Element | None:
     of a drive are written as parameters, for hardware that closes its own control loop. Controllers command joints; a `<transmission>`
     contains the ratio with which hardware converts these commands to commands of its actuators.
     """
-    moving, at = joints(robot), values(robot, start(robot))
+    moving, initial = joints(robot), values(robot, start(robot))
     if not moving:
         return None
     block = Element(tag="ros2_control", attributes={"name": robot.assembly.name, "type": "system"}, origin=robot.mode.origin)
@@ -59,7 +59,7 @@ def ros2_control(robot: Robot) -> Element | None:
             for name, bound in zip(("min", "max"), _bounds(joint, joint.interface), strict=True):
                 if bound is not None:
                     command.add_text("param", bound, {"name": name})
-        element.add("state_interface", {"name": "position"}).add_text("param", at[joint.name], {"name": "initial_value"})
+        element.add("state_interface", {"name": "position"}).add_text("param", initial[joint.name], {"name": "initial_value"})
         element.add("state_interface", {"name": "velocity"})
         if joint.interface == "effort":
             element.add("state_interface", {"name": "effort"})
@@ -68,8 +68,8 @@ def ros2_control(robot: Robot) -> Element | None:
                 if gain is not None:
                     element.add_text("param", gain, {"name": name})
     drives = [(joint.name, joint.drive) for joint in moving if joint.drive is not None and joint.drive.transmission is not None]
-    geared = [simple_transmission(name, drive) for name, drive in drives]
-    block.children += map(control_transmission, [*geared, *coupled_transmissions(robot)])
+    transmissions = [simple_transmission(name, drive) for name, drive in drives]
+    block.children += map(control_transmission, [*transmissions, *coupled_transmissions(robot)])
     return block
 
 
@@ -79,53 +79,54 @@ def controllers(robots: Sequence[Robot]) -> dict[str, tuple[Controller, ...]]:
     Modes that have the same drives share a controller. If there are several sets of drives, the name of each additional controller ends
     with the name of its first mode.
     """
-    known: dict[str, list[Controller]] = {}
+    existing: dict[str, list[Controller]] = {interface: [] for interface in CONTROLLERS}
     of_mode: dict[str, tuple[Controller, ...]] = {}
     for robot in robots:
-        own: list[Controller] = []
+        in_mode: list[Controller] = []
         moving = {joint.move.joint.path: joint for joint in joints(robot) if joint.drive is not None}
         driven = [moving[joint.path] for joint in joints_of(robot.assembly) if joint.path in moving]
         for interface, (base, kind) in CONTROLLERS.items():
             drives = {joint.name: joint.drive for joint in driven if joint.drive is not None and joint.interface == interface}
-            same = next((one for one in known.get(interface, ()) if one.drives == drives), None)
-            if drives and same is None:
-                name = f"{base}_{robot.mode.name}" if interface in known else base
-                same = Controller(name=name, type=kind, interface=interface, drives=drives)
-                known.setdefault(interface, []).append(same)
-            if same is not None:
-                own.append(same)
-        of_mode[robot.mode.name] = tuple(own)
+            if not drives:
+                continue
+            controller = next((other for other in existing[interface] if other.drives == drives), None)
+            if controller is None:
+                name = f"{base}_{robot.mode.name}" if existing[interface] else base
+                controller = Controller(name=name, type=kind, interface=interface, drives=drives)
+                existing[interface].append(controller)
+            in_mode.append(controller)
+        of_mode[robot.mode.name] = tuple(in_mode)
     return of_mode
 
 
 def controllers_yaml(of_mode: Mapping[str, Sequence[Controller]]) -> str:
     """Return the parameters of the controller manager and of all controllers as YAML. Floats have a decimal point, which ROS requires."""
-    every = {one.name: one for own in of_mode.values() for one in own}
+    by_name = {controller.name: controller for in_mode in of_mode.values() for controller in in_mode}
     lines = ["controller_manager:", "  ros__parameters:", f"    update_rate: {RATE}", f"    {BROADCASTER}:"]
     lines.append("      type: joint_state_broadcaster/JointStateBroadcaster")
-    for one in every.values():
-        lines += [f"    {one.name}:", f"      type: {one.type}"]
-    for one in every.values():
-        lines += ["", f"{one.name}:", "  ros__parameters:", *(f"    {line}" for line in _of_controller(one))]
+    for controller in by_name.values():
+        lines += [f"    {controller.name}:", f"      type: {controller.type}"]
+    for controller in by_name.values():
+        lines += ["", f"{controller.name}:", "  ros__parameters:", *(f"    {line}" for line in _of_controller(controller))]
     return "\n".join(lines) + "\n"
 
 
-def _of_controller(one: Controller) -> Iterator[str]:
-    yield f"joints: [{', '.join(map(_quote, one.drives))}]"
-    if one.interface != "position":
-        yield f"interface_name: {one.interface}"
+def _of_controller(controller: Controller) -> Iterator[str]:
+    yield f"joints: [{', '.join(map(_quote, controller.drives))}]"
+    if controller.interface != "position":
+        yield f"interface_name: {controller.interface}"
         return
-    yield f"command_interfaces: [{one.interface}]"
+    yield f"command_interfaces: [{controller.interface}]"
     yield "state_interfaces: [position, velocity]"
     gains = {
-        name: [f"{word}: {_real(gain)}" for word, gain in (("p", drive.kp), ("d", drive.kv)) if gain is not None]
-        for name, drive in one.drives.items()
+        name: [f"{key}: {_real(gain)}" for key, gain in (("p", drive.kp), ("d", drive.kv)) if gain is not None]
+        for name, drive in controller.drives.items()
     }
     if any(gains.values()):
         yield "gains:  # of position and velocity drives [N m/rad, N m s/rad; N/m, N s/m], used only with an effort command interface"
-        for name, said in gains.items():
-            if said:
-                yield f"  {_quote(name)}: {{{', '.join(said)}}}"
+        for name, entries in gains.items():
+            if entries:
+                yield f"  {_quote(name)}: {{{', '.join(entries)}}}"
 
 
 def _bounds(joint: MovingJoint, interface: str) -> tuple[float | None, float | None]:

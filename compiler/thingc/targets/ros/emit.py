@@ -39,70 +39,67 @@ def emit(request: EmitRequest) -> Artifacts:
     assembly, robots = request.assembly, request.robots
     name = package_name(assembly.name)
     folder, uri = f"ros/{name}", f"package://{name}/{MESHES}"
-    shapes, flat = collect_geometry(assembly, "ros", f"{folder}/{MESHES}", request.report)
+    geometry, flat = collect_geometry(assembly, "ros", f"{folder}/{MESHES}", request.report)
     document = assembly.definition.document
-    said = heading(document)
-    trees = [model(robot, shapes, request.report, uri) for robot in robots]
+    comment = heading(document)
+    trees = [model(robot, geometry, request.report, uri) for robot in robots]
     raw.apply(assembly, robots, "urdf", trees, request.report)
-    touching = _touching(request, shapes)
-    met, unmet = _meetings(request, trees, shapes, uri) if len(touching) > 1 else ({}, [])
-    files: dict[str, Content] = {f"{MESHES}/{file}": stored for file, stored in shapes.assets.items()}
+    links, link_of = assembly.links, assembly.link_of
+    colliding_links = frozenset(safe(links[link_of[index]].name) for index, item in enumerate(geometry.shapes) if item.collision)
+    matrices, matrix_losses = _collision_matrices(request, trees, geometry, uri) if len(colliding_links) > 1 else ({}, [])
+    files: dict[str, Content] = {f"{MESHES}/{file}": stored for file, stored in geometry.assets.items()}
     for robot, tree in zip(robots, trees, strict=True):
-        file, of_mode = f"{assembly.name}_{robot.mode.name}", heading(document, robot.mode.name)
-        semantics = srdf(robot, touching, met.get(robot.mode.name), request.report)
-        files[f"config/{file}.srdf"] = write(semantics, of_mode, sections=False).text.encode()
+        file, mode_comment = f"{assembly.name}_{robot.mode.name}", heading(document, robot.mode.name)
+        semantics = srdf(robot, colliding_links, matrices.get(robot.mode.name), request.report)
+        files[f"config/{file}.srdf"] = write(semantics, mode_comment, sections=False).text.encode()
         control = ros2_control(robot)
         if control is not None:
             tree.children.append(control)
-        files[f"urdf/{file}.urdf"] = write(tree, of_mode).text.encode()
-    commanded = controllers(robots)
-    files["config/controllers.yaml"] = f"# {said}\n{controllers_yaml(commanded)}".encode()
-    files["config/display.rviz"] = rviz_config(frame_of(robots[0]), said).encode()
-    files["launch/display.launch.py"] = launch_file(robots, commanded, said).encode()
-    files["CMakeLists.txt"] = cmake_lists(assembly.name, {path.partition("/")[0] for path in files}, said).encode()
+        files[f"urdf/{file}.urdf"] = write(tree, mode_comment).text.encode()
+    mode_controllers = controllers(robots)
+    files["config/controllers.yaml"] = f"# {comment}\n{controllers_yaml(mode_controllers)}".encode()
+    files["config/display.rviz"] = rviz_config(frame_of(robots[0]), comment).encode()
+    files["launch/display.launch.py"] = launch_file(robots, mode_controllers, comment).encode()
+    files["CMakeLists.txt"] = cmake_lists(assembly.name, {path.partition("/")[0] for path in files}, comment).encode()
     description = " ".join(assembly.definition.description.split()) or f"The robot {assembly.name}."
     files["package.xml"] = package_xml(
-        assembly.name, escape_control(description, limit=len(description)), request.workspace.about, said,
+        assembly.name, escape_control(description, limit=len(description)), request.workspace.about, comment,
     ).encode()
-    lost = (*flat, *unmet, *losses("ros", CAPABILITIES, assembly, robots), *transmission_losses("ros", robots))
-    return Artifacts(files={f"{folder}/{path}": content for path, content in sorted(files.items())}, losses=tuple(dict.fromkeys(lost)))
+    all_losses = dict.fromkeys((*flat, *matrix_losses, *losses("ros", CAPABILITIES, assembly, robots), *transmission_losses("ros", robots)))
+    return Artifacts(files={f"{folder}/{path}": content for path, content in sorted(files.items())}, losses=tuple(all_losses))
 
 
-def _touching(request: EmitRequest, shapes: Geometry) -> frozenset[str]:
-    """Return the names of the links that have collision shapes."""
-    links, link_of = request.assembly.links, request.assembly.link_of
-    return frozenset(safe(links[link_of[index]].name) for index, one in enumerate(shapes.shapes) if one.collision)
-
-
-def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri: str) -> tuple[dict[str, CollisionMatrix], list[Loss]]:
+def _collision_matrices(
+    request: EmitRequest, trees: list[Element], geometry: Geometry, uri: str,
+) -> tuple[dict[str, CollisionMatrix], list[Loss]]:
     """Compute the collision matrix of each mode. If MuJoCo cannot compute a matrix, return an export loss instead.
 
     Modes with the same joints in their trees share a matrix, because the matrix does not depend on the root.
     """
-    alike: dict[frozenset[str], list[tuple[Robot, Element]]] = {}
+    groups: dict[frozenset[str], list[tuple[Robot, Element]]] = {}
     for robot, tree in zip(request.robots, trees, strict=True):
-        alike.setdefault(frozenset(joint.path for body in robot.bodies for joint in body.joints), []).append((robot, tree))
+        groups.setdefault(frozenset(joint.path for body in robot.bodies for joint in body.joints), []).append((robot, tree))
     by_mode: dict[str, CollisionMatrix] = {}
-    lost: list[Loss] = []
-    for group in alike.values():
+    matrix_losses: list[Loss] = []
+    for group in groups.values():
         first, tree = group[0]
         starts = {robot.mode.name: values(first, start(robot)) for robot, _ in group}
         try:
-            met = collision_matrix(tree, uri, shapes.meshes, starts, adjacent(request.assembly), request.store)
+            matrix = collision_matrix(tree, uri, geometry.meshes, starts, adjacent(request.assembly), request.store)
         except ValueError:
             what = "disabled collisions: MuJoCo cannot read the shapes of the links"
-            lost += [Loss("ros", robot.mode.name, robot.mode.name, what, "omitted", robot.mode.origin) for robot, _ in group]
+            matrix_losses += [Loss("ros", robot.mode.name, robot.mode.name, what, "omitted", robot.mode.origin) for robot, _ in group]
         else:
-            by_mode |= {robot.mode.name: met for robot, _ in group}
-    return by_mode, lost
+            by_mode |= {robot.mode.name: matrix for robot, _ in group}
+    return by_mode, matrix_losses
 
 
-def package_xml(robot: str, description: str, said: PackageInfo, heading: str) -> str:
+def package_xml(robot: str, description: str, about: PackageInfo, heading: str) -> str:
     """Return the text of `package.xml` for the ROS 2 package of a robot. `description` is the description of the robot in its document."""
     root = Element(tag="package", attributes={"format": "3"})
-    root.fill({"name": package_name(robot), "version": said.version, "description": description})
-    root.add_text("maintainer", said.maintainer, {"email": said.mail})
-    root.fill({"license": said.license, "buildtool_depend": "ament_cmake"})
+    root.fill({"name": package_name(robot), "version": about.version, "description": description})
+    root.add_text("maintainer", about.maintainer, {"email": about.mail})
+    root.fill({"license": about.license, "buildtool_depend": "ament_cmake"})
     for name in RUN:
         root.add_text("exec_depend", name)
     root.add("export").add_text("build_type", "ament_cmake")

@@ -49,14 +49,14 @@ def joints(robot: Robot) -> tuple[MovingJoint, ...]:
     """
     mimics = mimics_of(robot)
     moving: list[MovingJoint] = []
-    coupled = {path: _differential_drive(rows) for rows in differentials(robot).values() for path in rows[0].moves}
+    coupled_drives = {path: _differential_drive(rows) for rows in differentials(robot).values() for path in rows[0].moves}
     for index, body in enumerate(robot.bodies):
         for move in moves(_lead(robot, body), NO_POSE, mimics) if not body.free else ():
-            path, following = move.joint.path, move.mimic is not None
-            drive = None if following else move.joint.actuator if path in robot.present else coupled.get(path)
+            path, follows = move.joint.path, move.mimic is not None
+            drive = None if follows else move.joint.actuator if path in robot.present else coupled_drives.get(path)
             if drive is not None and not is_written(CAPABILITIES["drives"][drive_cell(move.joint, drive)]):
                 drive = None
-            moving.append(MovingJoint(name=safe(move.path), body=index, move=move, follows=following, drive=drive))
+            moving.append(MovingJoint(name=safe(move.path), body=index, move=move, follows=follows, drive=drive))
     return tuple(moving)
 
 
@@ -76,16 +76,16 @@ def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:
 
     `q` contains the joint values in the document, by path. If the base moves, it is in its start pose.
     """
-    at: dict[str, float] = {}
+    result: dict[str, float] = {}
     for body in robot.bodies:
-        lead = _lead(robot, body) if not body.free else ()
-        if lead and lead[0].kind.at_once:
-            turns = _turns(lead, tuple(q.get(joint.path, 0.0) for joint in lead))
-            at |= {safe(joint.path): angle for joint, angle in zip(lead, turns, strict=True)}
+        coordinates = _lead(robot, body) if not body.free else ()
+        if coordinates and coordinates[0].kind.at_once:
+            turns = _turns(coordinates, tuple(q.get(joint.path, 0.0) for joint in coordinates))
+            result |= {safe(joint.path): angle for joint, angle in zip(coordinates, turns, strict=True)}
             continue
-        for move in moves(lead, NO_POSE, {}):
-            at[safe(move.path)] = q.get(move.joint.path, 0.0) * (1.0 if move.thread is None else move.thread)
-    return at
+        for move in moves(coordinates, NO_POSE, {}):
+            result[safe(move.path)] = q.get(move.joint.path, 0.0) * (1.0 if move.thread is None else move.thread)
+    return result
 
 
 def start(robot: Robot) -> Mapping[str, float]:

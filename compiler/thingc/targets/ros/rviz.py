@@ -20,7 +20,7 @@ def frame_of(robot: Robot) -> str:
 
 def launch_file(robots: Sequence[Robot], controllers: Mapping[str, Sequence[Controller]], heading: str) -> str:
     """Return the text of `display.launch.py`, the Python launch file for `ros2 launch`."""
-    modes = "".join(_mode(robot, [one.name for one in controllers[robot.mode.name]]) for robot in robots)
+    modes = "".join(_mode(robot, [controller.name for controller in controllers[robot.mode.name]]) for robot in robots)
     name = robots[0].assembly.name
     return _fill("display.launch", HEADING=heading, PACKAGE=package_name(name), ROBOT=name, MODES=modes, BROADCASTER=BROADCASTER)
 
@@ -47,12 +47,12 @@ def _mode(robot: Robot, controllers: list[str]) -> str:
     controllers.
     """
     joints = "".join(f'            "{name}": {value + 0.0},\n' for name, value in values(robot, start(robot)).items())
-    begin = f"{{\n{joints}        }}" if joints else "{}"
-    named = ", ".join(f'"{name}"' for name in controllers)
+    start_values = f"{{\n{joints}        }}" if joints else "{}"
+    quoted_names = ", ".join(f'"{name}"' for name in controllers)
     return f"""\
     "{robot.mode.name}": {{
         "frame": "{frame_of(robot)}",
-        "start": {begin},
-        "controllers": [{named}],
+        "start": {start_values},
+        "controllers": [{quoted_names}],
     }},
 """

@@ -33,17 +33,17 @@ class Group(FrozenStruct):
     origin: Origin
 
 
-def srdf(robot: Robot, touching: frozenset[str], collisions: CollisionMatrix | None, report: Report) -> Element:
+def srdf(robot: Robot, colliding_links: frozenset[str], collisions: CollisionMatrix | None, report: Report) -> Element:
     """Create the `<robot>` element of the SRDF file of a mode.
 
-    `touching` contains the names of the links that have collision shapes. `collisions` is their collision matrix, or None if it
-    is unknown. If two groups have the same name, an error is reported.
+    `colliding_links` contains the names of the links that have collision shapes. `collisions` is their collision matrix, or None if it is
+    unknown. If two groups have the same name, an error is reported.
     """
     root = Element(tag="robot", attributes={"name": robot.assembly.name}, origin=robot.mode.origin)
     moving = joints(robot)
-    own = groups(robot, moving, report)
+    mode_groups = groups(robot, moving, report)
     base = safe(robot.assembly.links[robot.bodies[0].link].name)
-    for group in own:
+    for group in mode_groups:
         element = root.add("group", {"name": group.name}, group.origin)
         if group.tip is not None:
             element.add("chain", {"base_link": base, "tip_link": group.tip})
@@ -51,44 +51,44 @@ def srdf(robot: Robot, touching: frozenset[str], collisions: CollisionMatrix | N
             for joint in group.joints:
                 element.add("joint", {"name": joint.name})
     for frame in robot.keyframes:
-        at = values(robot, frame.q)
-        for group in own:
+        joint_values = values(robot, frame.q)
+        for group in mode_groups:
             state = root.add("group_state", {"name": frame.name, "group": group.name}, frame.origin)
             for joint in group.joints:
                 if not joint.follows:
-                    state.add("joint", {"name": joint.name, "value": at[joint.name]})
+                    state.add("joint", {"name": joint.name, "value": joint_values[joint.name]})
     if robot.base == "free":
         root.add("virtual_joint", {"name": BASE, "type": "floating", "parent_frame": WORLD, "child_link": base}, robot.mode.origin)
     for joint in moving:
         if joint.drive is None and not joint.follows:
             root.add("passive_joint", {"name": joint.name}, joint.move.joint.origin)
-    for one, other, reason in _unchecked_pairs(robot, touching, collisions):
-        root.add("disable_collisions", {"link1": one, "link2": other, "reason": reason})
+    for first, second, reason in _unchecked_pairs(robot, colliding_links, collisions):
+        root.add("disable_collisions", {"link1": first, "link2": second, "reason": reason})
     return root
 
 
 def groups(robot: Robot, moving: tuple[MovingJoint, ...], report: Report) -> list[Group]:
     """Return the joint groups of a mode for MoveIt. The first group contains all joints and has the name of the robot.
 
-    Each other group contains the joints from the root to an exported mount that moves relative to the root.
-
-    This group comes first because some readers only use the first of several states with the same name. If several mounts have the same
-    frame, only the first mount has a group. The joints of a moving base are not in any group.
+    This group comes first because some readers only use the first of several states with the same name. Each other group contains the
+    joints from the root to an exported mount that moves relative to the root. If several mounts have the same frame, only the first mount
+    has a group. The joints of a moving base are not in any group.
     """
     names = MangledNames("be the group", "SRDF", report)
     of_body: dict[int, tuple[MovingJoint, ...]] = {}
     for index, body in enumerate(robot.bodies):
-        before = of_body[body.parent] if body.parent is not None else ()
-        of_body[index] = (*before, *(joint for joint in moving if joint.body == index and body.parent is not None))
-    named: list[Group] = []
-    whole = tuple(joint for joint in moving if robot.bodies[joint.body].parent is not None)
-    if whole:
+        parent_joints = of_body[body.parent] if body.parent is not None else ()
+        of_body[index] = (*parent_joints, *(joint for joint in moving if joint.body == index and body.parent is not None))
+    result: list[Group] = []
+    tree_joints = tuple(joint for joint in moving if robot.bodies[joint.body].parent is not None)
+    if tree_joints:
         name = names.take(robot.assembly.name, robot.mode.origin, "the group of all joints")
-        named.append(Group(name=name, tip=None, joints=whole, origin=robot.mode.origin))
+        result.append(Group(name=name, tip=None, joints=tree_joints, origin=robot.mode.origin))
     for site in _exported_mounts(robot):
         if any(not joint.follows for joint in of_body[site.body]):
-            named.append(Group(name=names.take(site.path, site.origin), tip=safe(site.path), joints=of_body[site.body], origin=site.origin))
-    return named
+            name = names.take(site.path, site.origin)
+            result.append(Group(name=name, tip=safe(site.path), joints=of_body[site.body], origin=site.origin))
+    return result
 
 
 def _exported_mounts(robot: Robot) -> Iterator[Site]:
@@ -104,26 +104,26 @@ def _exported_mounts(robot: Robot) -> Iterator[Site]:
             yield site
 
 
-def _unchecked_pairs(robot: Robot, touching: frozenset[str], collisions: CollisionMatrix | None) -> Iterator[tuple[str, str, str]]:
+def _unchecked_pairs(robot: Robot, colliding_links: frozenset[str], collisions: CollisionMatrix | None) -> Iterator[tuple[str, str, str]]:
     """Yield the pairs of links that MoveIt does not need to check for collisions. Each pair has a reason in the terms of MoveIt's setup
     assistant.
 
     The pairs are in the order of the links in the robot. A link that a free joint separates from another link may touch it anywhere.
     """
     names, mode = [safe(link.name) for link in robot.assembly.links], robot.mode
-    neighbours, own = adjacent(robot.assembly), {pair_of(names[one], names[other]) for one, other in mode.exclude}
-    carrier = {names[body.link]: number for body, number in zip(robot.bodies, robot.carriers, strict=True)}
-    for one, other in combinations([names[body.link] for body in robot.bodies if names[body.link] in touching], 2):
-        pair = pair_of(one, other)
+    neighbours, excluded = adjacent(robot.assembly), {pair_of(names[first], names[second]) for first, second in mode.exclude}
+    carrier_of = {names[body.link]: number for body, number in zip(robot.bodies, robot.carriers, strict=True)}
+    for first, second in combinations([names[body.link] for body in robot.bodies if names[body.link] in colliding_links], 2):
+        pair = pair_of(first, second)
         if pair in neighbours:
-            yield one, other, "Adjacent"
-        elif pair in own:
-            yield one, other, "User"
-        elif collisions is None or carrier[one] != carrier[other]:
+            yield first, second, "Adjacent"
+        elif pair in excluded:
+            yield first, second, "User"
+        elif collisions is None or carrier_of[first] != carrier_of[second]:
             continue
         elif pair in collisions.at[mode.name]:
-            yield one, other, "Default"
+            yield first, second, "Default"
         elif collisions.counts.get(pair, 0) >= ALWAYS * collisions.samples:
-            yield one, other, "Always"
+            yield first, second, "Always"
         elif pair not in collisions.counts:
-            yield one, other, "Never"
+            yield first, second, "Never"

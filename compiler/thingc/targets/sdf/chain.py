@@ -109,9 +109,10 @@ def zero_state(robot: Robot) -> ZeroState:
     loops = Loops(robot.bodies, robot.closures, joints_of(robot.assembly), base)
     if loops.are_closed(SolverState(q=q, base=base)):
         return ZeroState(q=q, base=base)
-    for frame in robot.keyframes:
-        return ZeroState(q=frame.q, base=frame.base or robot.bodies[0].X_PL, pose=frame.name)
-    return ZeroState(q=q, base=robot.bodies[0].X_PL, closed=False)
+    if not robot.keyframes:
+        return ZeroState(q=q, base=robot.bodies[0].X_PL, closed=False)
+    frame = robot.keyframes[0]
+    return ZeroState(q=frame.q, base=frame.base or robot.bodies[0].X_PL, pose=frame.name)
 
 
 def _as_held(robot: Robot, q: dict[str, float]) -> Pose:

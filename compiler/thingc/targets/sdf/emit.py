@@ -33,9 +33,9 @@ def emit(request: EmitRequest) -> Artifacts:
     files: dict[str, Content] = {}
     all_losses = dict.fromkeys((*flat, *losses("sdf", CAPABILITIES, assembly, request.robots, cut=True)))
     zeros = [zero_state(robot) for robot in request.robots]
-    models_and_losses = [model(robot, shapes, zero, request.report) for robot, zero in zip(request.robots, zeros, strict=True)]
-    models = [element for element, _ in models_and_losses]
-    all_losses |= dict.fromkeys(loss for _, renamed in models_and_losses for loss in renamed)
+    renamed: list[Loss] = []
+    models = [model(robot, shapes, zero, request.report, renamed) for robot, zero in zip(request.robots, zeros, strict=True)]
+    all_losses |= dict.fromkeys(renamed)
     raw.apply(assembly, request.robots, "sdf", models, request.report)
     for robot, zero, tree in zip(request.robots, zeros, models, strict=True):
         name = f"{assembly.name}_{robot.mode.name}"

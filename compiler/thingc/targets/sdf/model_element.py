@@ -16,14 +16,14 @@ from thingc.base.inertia import MassProperties, named_moments, physical_fault, w
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, make_translation, rpy_of
 from thingc.base.source import Origin
 from thingc.model.assembly.kinematics import joints_of, leaders
-from thingc.model.assembly.types import ActuatorModel, JointEdge, Link
+from thingc.model.assembly.types import ActuatorModel, JointEdge
 from thingc.model.resolve.types import Material
 from thingc.model.robot.kinematics import body_pose
 from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.artifact import Loss
 from thingc.targets.capabilities import drive_cell, written_as
 from thingc.targets.connections import Connection, connections
-from thingc.targets.geometry import INFINITE_HALF, Geometry, Shape, channels, shape_names
+from thingc.targets.geometry import INFINITE_HALF, Geometry, Shape, channels, named_shapes
 from thingc.targets.name_mangling import LINK, MangledNames, frames
 from thingc.targets.sdf.capabilities import CAPABILITIES, DriveForm
 from thingc.targets.sdf.chain import SdfAxis, SdfJoint, ZeroState, chain
@@ -66,17 +66,16 @@ In ODE, the torque is `3 pi / 16` times the coefficient, the radius and the norm
 """
 
 
-def model(robot: Robot, geometry: Geometry, zero: ZeroState, report: Report) -> tuple[Element, tuple[Loss, ...]]:
+def model(robot: Robot, geometry: Geometry, zero: ZeroState, report: Report, losses: list[Loss]) -> Element:
     """Create the `<sdf>` element of a mode. The model is written in the state `zero`, in which all joints are at 0.
 
-    Also return an export loss for each name that was changed. If two links or two joints have the same name, an error is reported.
+    Add an export loss to `losses` for each name that was changed. If two links or two joints have the same name, an error is reported.
     """
-    builder = _Builder(robot, geometry, zero, report)
-    return builder.build(), tuple(builder.losses)
+    return _Builder(robot, geometry, zero, report, losses).build()
 
 
 class _Builder:
-    def __init__(self, robot: Robot, geometry: Geometry, zero: ZeroState, report: Report) -> None:
+    def __init__(self, robot: Robot, geometry: Geometry, zero: ZeroState, report: Report, losses: list[Loss]) -> None:
         self.robot = robot
         self.geometry = geometry
         self.zero = zero
@@ -85,8 +84,8 @@ class _Builder:
         self.parts = MangledNames("have the name", "SDF", report)
         self.names: dict[Kind, MangledNames] = {kind: MangledNames("have the name", "SDF", report) for kind in get_args(Kind)}
         self.owners: dict[str, str] = {}
-        self.losses: list[Loss] = []
-        links = [self._link_of(index) for index in range(len(robot.bodies))]
+        self.losses = losses
+        links = [robot.assembly.links[body.link] for body in robot.bodies]
         self.links = [self._name("link", link.name, link.origin) for link in links]
         self.root = Element(tag="sdf", attributes={"version": PLAIN}, origin=robot.mode.origin)
         self.connections = [(edge, chain(edge, zero.q)) for edge in connections(robot, CAPABILITIES["loops"], closed=zero.closed)]
@@ -103,10 +102,8 @@ class _Builder:
         model = self.root.add("model", {"name": name, "canonical_link": names[0]}, robot.mode.origin)
         model.add_text("self_collide", "true")
         for index, body in enumerate(robot.bodies):
-            if body.parent is None:
-                self._link(model, names[index], index, self.zero.base)
-            else:
-                self._link(model, names[index], index, body_pose(body, NO_POSE, self.zero.q), names[body.parent])
+            pose = self.zero.base if body.parent is None else body_pose(body, NO_POSE, self.zero.q)
+            self._link(model, names[index], index, pose, None if body.parent is None else names[body.parent])
         for edge, steps in self.connections:
             self._connect(model, WORLD if edge.parent is None else names[edge.parent], names[edge.child], edge, steps)
         for index, sites in frames(robot).items():
@@ -192,27 +189,24 @@ class _Builder:
             self.root.attributes["xmlns:drake"] = NAMESPACES["drake"]
             joint.add("drake:mimic", {"joint": leader_joint, "multiplier": multiplier, "offset": offset})
 
-    def _link(self, model: Element, name: str, index: int, pose: Pose, parent: str | None = None) -> None:
+    def _link(self, model: Element, name: str, index: int, pose: Pose, parent: str | None) -> None:
         """Add a link with its inertia, shapes and sensors to the SDF model."""
-        link = self._link_of(index)
+        link = self.assembly.links[self.robot.bodies[index].link]
         element = model.add("link", {"name": name}, link.origin)
         _set_pose(element, pose, parent)
         _add_inertial(element, link.properties)
         for member, part_pose in zip(link.members, link.poses, strict=True):
             shapes = self.geometry.shapes[member]
-            for shape, path in zip(shapes.visual, shape_names(shapes.visual, f"{shapes.path}_visual"), strict=True):
+            for path, shape in named_shapes(shapes.visual, f"{shapes.path}_visual"):
                 visual = element.add("visual", {"name": self.parts.take(path, shapes.origin)}, shapes.origin)
                 _shape(visual, shape, part_pose)
                 if shape.color is not None:
                     _set_colour(visual, shape.color)
-            for shape, path in zip(shapes.collision, shape_names(shapes.collision, f"{shapes.path}_collision"), strict=True):
+            for path, shape in named_shapes(shapes.collision, f"{shapes.path}_collision"):
                 collision = element.add("collision", {"name": self.parts.take(path, shapes.origin)}, shapes.origin)
                 _shape(collision, shape, part_pose)
                 _add_friction(collision, shape.material)
         sensors_of_link(self.robot, index, element, self.parts)
-
-    def _link_of(self, index: int) -> Link:
-        return self.assembly.links[self.robot.bodies[index].link]
 
 
 def _set_pose(element: Element, pose: Pose, relative_to: str | None = None) -> None:

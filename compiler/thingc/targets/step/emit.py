@@ -9,7 +9,6 @@ from functools import partial
 from typing import TypeVar
 
 from thingc.base.diagnostics import Code
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.record import AssemblyFailed, Placed, StoredFile
 from thingc.targets.artifact import Artifacts, Loss, StoredArtifact
 from thingc.targets.request import EmitRequest
@@ -34,22 +33,8 @@ def in_background(work: Callable[[], Value]) -> Future[Value]:
     return future
 
 
-class _Begun(FrozenStruct):
-    """A STEP file that the CAD kernel is writing.
-
-    `file` is a future that returns the finished file, or None if no file is written. `losses` contains the export losses of the target.
-    """
-
-    file: Future[StoredFile] | None
-    losses: tuple[Loss, ...]
-
-
-def begin(request: EmitRequest) -> None:
-    """Start to write the STEP file in a process of the CAD kernel. Meanwhile, other targets are written.
-
-    The function `emit` waits until the file is finished.
-    """
-    request.made["step"] = _begin(request)
+PendingFile = tuple[Future[StoredFile] | None, tuple[Loss, ...]]
+"""A future for a STEP file that the CAD kernel is writing, or None if no part has exact geometry, and the export losses of the target."""
 
 
 def emit(request: EmitRequest) -> Artifacts:
@@ -61,28 +46,30 @@ def emit(request: EmitRequest) -> Artifacts:
     reported for the document.
     """
     assembly = request.assembly
-    begun = request.made.get("step")
-    if not isinstance(begun, _Begun):
-        begun = _begin(request)
-    if begun.file is None:
-        what = "no part of the robot has exact geometry" if begun.losses else "no part of the robot has geometry"
-        whole = Loss("step", None, assembly.name, what, "omitted", assembly.definition.origin)
-        return Artifacts(files={}, losses=(*begun.losses, whole))
+    file, losses = begin(request)
+    if file is None:
+        what = "no part of the robot has exact geometry" if losses else "no part of the robot has geometry"
+        no_file = Loss("step", None, assembly.name, what, "omitted", assembly.definition.origin)
+        return Artifacts(files={}, losses=(*losses, no_file))
     try:
-        written = begun.file.result()
+        written = file.result()
     except AssemblyFailed as fault:
         request.report.add(
-            Code.STEP_FAILED,
-            f"cannot write the STEP file of `{assembly.name}`: {fault.reason}",
-            assembly.definition.origin,
-            help="select targets other than `step` with --emit",
-            detail=fault.detail,
+            Code.STEP_FAILED, f"cannot write the STEP file of `{assembly.name}`: {fault.reason}", assembly.definition.origin,
+            help="select targets other than `step` with --emit", detail=fault.detail,
         )
-        return Artifacts(files={}, losses=begun.losses)
-    return Artifacts(files={f"step/{assembly.name}.step": StoredArtifact(sha256=written.sha256, size=written.size)}, losses=begun.losses)
+        return Artifacts(files={}, losses=losses)
+    return Artifacts(files={f"step/{assembly.name}.step": StoredArtifact(sha256=written.sha256, size=written.size)}, losses=losses)
 
 
-def _begin(request: EmitRequest) -> _Begun:
+def begin(request: EmitRequest) -> PendingFile:
+    """Start to write the STEP file in a process of the CAD kernel, if it was not started before. Meanwhile, other targets are written.
+
+    The function `emit` waits until the file is finished.
+    """
+    pending: PendingFile | None = request.made.get("step")
+    if pending is not None:
+        return pending
     assembly = request.assembly
     instances: list[Placed] = []
     losses: list[Loss] = []
@@ -94,15 +81,10 @@ def _begin(request: EmitRequest) -> _Begun:
             what = f"`{occurrence.definition.label}` {'is a mesh' if record is not None else 'consists of shapes'} without exact surfaces"
             losses.append(Loss("step", None, occurrence.path, what, "omitted", occurrence.origin))
             continue
-        instances.append(
-            Placed(
-                path=occurrence.path,
-                # the kernel's own reader fails on a quotation mark in a product's name (OCCT 8.0: "Incorrect Syntax")
-                definition=occurrence.definition.text.replace("'", ""),
-                brep=record.brep,
-                pose=assembly.rest[occurrence.index],
-                color=occurrence.color,
-            )
-        )
+        # the kernel's own reader fails on a quotation mark in a product's name (OCCT 8.0: "Incorrect Syntax")
+        definition = occurrence.definition.text.replace("'", "")
+        pose = assembly.rest[occurrence.index]
+        instances.append(Placed(path=occurrence.path, definition=definition, brep=record.brep, pose=pose, color=occurrence.color))
     file = in_background(partial(request.geometry.assemble, assembly.name, instances)) if instances else None
-    return _Begun(file=file, losses=tuple(losses))
+    pending = request.made["step"] = file, tuple(losses)
+    return pending

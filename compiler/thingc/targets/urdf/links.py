@@ -17,7 +17,7 @@ from thingc.model.assembly.types import JointEdge, Link
 from thingc.model.robot.tree import BASE
 from thingc.model.robot.types import Body, Robot, TreeJoint
 from thingc.targets.capabilities import drive_cell, is_written, shape_cell, written_as
-from thingc.targets.geometry import Geometry, Shape, channels, material_name, materials, name_with_index, shape_names
+from thingc.targets.geometry import Geometry, Shape, channels, material_name, materials, name_with_index, named_shapes
 from thingc.targets.name_mangling import LINK, MangledNames, frames, safe
 from thingc.targets.urdf.capabilities import CAPABILITIES
 from thingc.targets.urdf.chain import Move, mimics_of, moves, own_frame
@@ -86,24 +86,24 @@ class _Builder:
             self.root.add("material", {"name": name}, origin).add("color", {"rgba": channels(color)})
         leading_joints = [self.robot.moves if body.parent is None else body.joints for body in self.robot.bodies]
         own_frames = [own_frame(joints) for joints in leading_joints]
-        names = [self.links.take(self._link_of(body).name, self._link_of(body).origin) for body in self.robot.bodies]
+        links = [self.assembly.links[body.link] for body in self.robot.bodies]
+        names = [self.links.take(link.name, link.origin) for link in links]
         if self.robot.base != "free":
             self.root.add("link", {"name": self.links.take(WORLD, self.robot.mode.origin)}, self.robot.mode.origin)
         else:
             self.root.add("gazebo").add_text("static", "false")
         sites = frames(self.robot)
-        for index, body in enumerate(self.robot.bodies):
+        for index, (body, link, name) in enumerate(zip(self.robot.bodies, links, names, strict=True)):
             parent = (WORLD if self.robot.base != "free" else None) if body.parent is None else names[body.parent]
             X_PL = body.X_PL if body.parent is None else own_frames[body.parent].inverse() @ body.X_PL
             if parent is not None:
-                self._connect(parent, names[index], tuple(moves(leading_joints[index], X_PL, self.mimics)), X_PL, body)
-            self._link(names[index], body, own_frames[index].inverse())
-            link = self._link_of(body)
+                self._connect(parent, name, tuple(moves(leading_joints[index], X_PL, self.mimics)), X_PL, body)
+            X_CL = own_frames[index].inverse()
+            self._link(name, link, X_CL, SMALL_MASS if body.joints else MASSLESS)
             if own_frames[index] != NO_POSE:
-                description = f"the frame of link `{link.name}`"
-                self._frame(names[index], f"{link.name}_frame", own_frames[index].inverse(), link.origin, description)
+                self._frame(name, f"{link.name}_frame", X_CL, link.origin, f"the frame of link `{link.name}`")
             for site in sites.get(index, ()):
-                self._frame(names[index], site.path, own_frames[index].inverse() @ site.pose, site.origin)
+                self._frame(name, site.path, X_CL @ site.pose, site.origin)
         self.transmissions += map(urdf_transmission, coupled_transmissions(self.robot))
         self.root.children += self.followers + self.frames + self.transmissions
         return self.root
@@ -213,26 +213,28 @@ class _Builder:
             joint = self._joint(f"{path}_joint", "fixed", link, safe(path), pose, origin, f"the joint that fixes {label or f'`{path}`'}")
             self.frames += frame, joint
 
-    def _link(self, name: str, body: Body, X_CL: Pose) -> None:
-        """Add a link with its inertia and shapes, expressed in the URDF frame of the link."""
-        link = self._link_of(body)
+    def _link(self, name: str, link: Link, X_CL: Pose, without_mass: MassProperties) -> None:
+        """Add a link with its inertia and shapes, expressed in the URDF frame of the link.
+
+        `without_mass` contains the mass properties that are written for a link without mass.
+        """
         element = self.root.add("link", {"name": name}, link.origin)
-        weight = SMALL_MASS if body.joints else MASSLESS
-        _add_inertial(element, link.properties.seen_from(X_CL) if link.properties.mass > 0.0 else weight)
+        _add_inertial(element, link.properties.seen_from(X_CL) if link.properties.mass > 0.0 else without_mass)
         for member, pose in zip(link.members, link.poses, strict=True):
             shapes, part_pose = self.geometry.shapes[member], X_CL @ pose
-            for shape, name in zip(shapes.visual, shape_names(shapes.visual, shapes.path), strict=True):
+            for name, shape in named_shapes(shapes.visual, shapes.path):
                 for index, part in enumerate(parts(shape)):
                     visual = element.add("visual", {"name": name_with_index(name, index)}, shapes.origin)
                     self._shape(visual, part, part_pose)
                     material = material_name(shape.material, shape.color)
                     if material is not None:
                         visual.add("material", {"name": material})
-            for shape, name in zip(shapes.collision, shape_names(shapes.collision, f"{shapes.path}:collision"), strict=True):
+            for name, shape in named_shapes(shapes.collision, f"{shapes.path}:collision"):
                 for index, part in enumerate(parts(shape)):
                     self._shape(element.add("collision", {"name": name_with_index(name, index)}, shapes.origin), part, part_pose)
 
     def _shape(self, element: Element, shape: Shape, pose: Pose) -> None:
+        """Add the pose and the geometry of a shape to a visual or collision element. `pose` is the pose of the shape's part."""
         _origin(element, pose @ shape.pose)
         geometry = element.add("geometry")
         match shape.kind:
@@ -244,9 +246,6 @@ class _Builder:
                 geometry.add("sphere", {"radius": shape.size[0]})
             case _:
                 geometry.add("cylinder", {"radius": shape.size[0], "length": 2.0 * shape.size[1]})
-
-    def _link_of(self, body: Body) -> Link:
-        return self.assembly.links[body.link]
 
 
 def parts(shape: Shape) -> tuple[Shape, ...]:

@@ -93,12 +93,11 @@ def chain(connection: Connection) -> tuple[UsdJoint, ...]:
 
 def _spherical(path: str, joints: Sequence[TreeJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:
     """Return the spherical USD joint for a ball joint."""
-    backwards = isinstance(joints[0], TreeJoint) and joints[0].reversed
-    # The coordinates of a reversed joint are negated and in reverse order.
-    axes = [(-x, -y, -z) for x, y, z in (twist.angular for twist in reversed(twists))] if backwards else [one.angular for one in twists]
-    ordered = joints[::-1] if backwards else joints
+    axes = [twist.angular for twist in twists]
+    if isinstance(joints[0], TreeJoint) and joints[0].reversed:  # the coordinates are negated and in reverse order
+        joints, axes = joints[::-1], [(-x, -y, -z) for x, y, z in reversed(axes)]
     frame = Pose(rotation=transpose((axes[0], axes[1], axes[2])), translation=twists[0].anchor)
-    return UsdJoint(path=path, type="Spherical", frame=frame, freedoms=tuple(Freedom(name="ball", joint=one) for one in ordered))
+    return UsdJoint(path=path, type="Spherical", frame=frame, freedoms=tuple(Freedom(name="ball", joint=joint) for joint in joints))
 
 
 def _single(path: str, joint: TreeJoint | JointEdge, twist: Twist) -> UsdJoint:
@@ -167,8 +166,8 @@ class MimicJoint(FrozenStruct):
 
 def followers(robot: Robot) -> dict[str, MimicJoint]:
     """Return the mimic joints of a robot that Newton's schema can express, by path."""
-    steps = [step for connection in connections(robot, CAPABILITIES["loops"]) for step in chain(connection)]
-    single = {step.single.path: step.type for step in steps if step.single is not None}
+    usd_joints = [usd_joint for connection in connections(robot, CAPABILITIES["loops"]) for usd_joint in chain(connection)]
+    types = {usd_joint.single.path: usd_joint.type for usd_joint in usd_joints if usd_joint.single is not None}
     joints = {joint.path: joint for joint in joints_of(robot.assembly)}
     return {
         path: MimicJoint(
@@ -176,7 +175,7 @@ def followers(robot: Robot) -> dict[str, MimicJoint]:
             reach=_reach(joints[leader].limit, multiplier, offset),
         )
         for path, (leader, multiplier, offset) in leaders(joints.values()).items()
-        if joints[path].mimic is not None and path in single and single.get(leader) == single[path]
+        if joints[path].mimic is not None and path in types and types.get(leader) == types[path]
     }
 
 

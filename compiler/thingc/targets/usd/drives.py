@@ -30,8 +30,8 @@ def ends(freedom: Freedom) -> tuple[float, float]:
     limit, infinite = freedom.joint.limit, numeric.inf * freedom.ratio
     low = -infinite if limit.lower is None else limit.lower * freedom.ratio
     high = infinite if limit.upper is None else limit.upper * freedom.ratio
-    both = sorted((low, high))
-    return (numeric.degrees(both[0]), numeric.degrees(both[1])) if freedom.turns else (both[0], both[1])
+    values = sorted((low, high))
+    return (numeric.degrees(values[0]), numeric.degrees(values[1])) if freedom.turns else (values[0], values[1])
 
 
 def limits(joint: UsdJoint, follower: MimicJoint | None) -> tuple[float, float]:
@@ -40,9 +40,9 @@ def limits(joint: UsdJoint, follower: MimicJoint | None) -> tuple[float, float]:
     PhysX requires limits for rotations that mimic another joint. If such a joint has no limits, they are computed from the limits of its
     leader.
     """
-    own = ends(joint.freedoms[0])
-    if follower is None or follower.reach is None or own != (-numeric.inf, numeric.inf):
-        return own
+    from_document = ends(joint.freedoms[0])
+    if follower is None or follower.reach is None or from_document != (-numeric.inf, numeric.inf):
+        return from_document
     unit = numeric.degrees(1.0) if follower.turns else 1.0
     return follower.reach[0] * unit, follower.reach[1] * unit
 
@@ -75,15 +75,15 @@ def _drive(prim: Prim, freedom: Freedom) -> None:
     drive = freedom.joint.actuator
     if drive is None or not is_written(CAPABILITIES["drives"][drive_cell(freedom.joint, drive)]):
         return
-    per = numeric.pi / 180.0 if freedom.turns else 1.0
+    gain_factor = numeric.pi / 180.0 if freedom.turns else 1.0
     low, high = ends(freedom)
     prim.schemas.append(f"PhysicsDriveAPI:{freedom.name}")
     name = f"drive:{freedom.name}:physics"
     prim.fill({
         f"uniform token {name}:type": '"force"',
         f"float {name}:maxForce": freedom.joint.limit.effort if freedom.joint.limit.effort is not None else drive.effort,
-        f"float {name}:stiffness": (drive.kp or 0.0) * per if drive.kind == "position" else 0.0,
-        f"float {name}:damping": (drive.kv or 0.0) * per if drive.kind != "motor" else 0.0,
+        f"float {name}:stiffness": (drive.kp or 0.0) * gain_factor if drive.kind == "position" else 0.0,
+        f"float {name}:damping": (drive.kv or 0.0) * gain_factor if drive.kind != "motor" else 0.0,
         f"float {name}:targetPosition": numeric.minimum(numeric.maximum(0.0, low), high) if drive.kind == "position" else None,
         f"float {name}:targetVelocity": 0.0 if drive.kind == "velocity" else None,
     })
@@ -97,11 +97,12 @@ def passive(joint: UsdJoint) -> dict[str, float]:
     """
     if joint.type not in ("Revolute", "Prismatic", "Spherical") or not joint.freedoms:
         return {}
-    of, degrees = joint.freedoms[0].joint, 1.0 if joint.type == "Prismatic" else numeric.degrees(1.0)
-    damping, velocity = of.dynamics.damping, of.limit.velocity if joint.single is not None else None
+    dynamics, limit = joint.freedoms[0].joint.dynamics, joint.freedoms[0].joint.limit
+    degrees = 1.0 if joint.type == "Prismatic" else numeric.degrees(1.0)
+    velocity = limit.velocity if joint.single is not None else None
     values = {
-        "armature": of.dynamics.armature, "damping": None if damping is None else damping / degrees, "friction": of.dynamics.friction,
-        "velocityLimit": None if velocity is None else velocity * degrees,
+        "armature": dynamics.armature, "damping": None if dynamics.damping is None else dynamics.damping / degrees,
+        "friction": dynamics.friction, "velocityLimit": None if velocity is None else velocity * degrees,
     }
     return {name: value for name, value in values.items() if value}
 
@@ -139,10 +140,10 @@ def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
     _apply(prim, "NewtonJointAPI", "newton", values)
     if joint.single is None or not in_tree:
         return
-    named = [(word, value) for name, value in values.items() for word in PHYSX_NAMES[name]]
-    _apply(prim, "PhysxJointAPI", "physxJoint", {word: value for word, value in named if word in PHYSX_JOINT})
+    attributes = [(attribute, value) for name, value in values.items() for attribute in PHYSX_NAMES[name]]
+    _apply(prim, "PhysxJointAPI", "physxJoint", {attribute: value for attribute, value in attributes if attribute in PHYSX_JOINT})
     axis = joint.freedoms[0].name
-    _apply(prim, f"PhysxJointAxisAPI:{axis}", f"physxJointAxis:{axis}", dict(named))
+    _apply(prim, f"PhysxJointAxisAPI:{axis}", f"physxJointAxis:{axis}", dict(attributes))
 
 
 def _apply(prim: Prim, schema: str, namespace: str, values: Mapping[str, float]) -> None:
@@ -157,12 +158,12 @@ def follow(prim: Prim, joint: UsdJoint, follower: MimicJoint, leader: str) -> No
 
     PhysX requires limits for rotations (see `limits`). PhysX uses the opposite sign of the gearing: q + gearing * q(leader) + offset = 0.
     """
-    offset, own = follower.offset * (numeric.degrees(1.0) if follower.turns else 1.0), limits(joint, follower)
+    offset, bounds = follower.offset * (numeric.degrees(1.0) if follower.turns else 1.0), limits(joint, follower)
     prim.schemas.append("NewtonMimicAPI")
     prim.fill({
         "rel newton:mimicJoint": f"<{leader}>", "float newton:mimicCoef0": offset, "float newton:mimicCoef1": follower.multiplier,
     })
-    if not follower.turns or follower.reach is not None and all(map(numeric.isfinite, own)):
+    if not follower.turns or follower.reach is not None and all(map(numeric.isfinite, bounds)):
         prim.schemas.append(f"PhysxMimicJointAPI:{AXIS}")
         name = f"physxMimicJoint:{AXIS}"
         prim.fill({

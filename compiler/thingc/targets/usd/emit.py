@@ -30,22 +30,22 @@ def emit(request: EmitRequest) -> Artifacts:
     The USD text of the meshes is generated only once.
     """
     assembly = request.assembly
-    shapes, flat = collect_geometry(assembly, "usd", "usd", request.report)
+    geometry, flat = collect_geometry(assembly, "usd", "usd", request.report)
     scope = f"{assembly.name}_meshes"
-    names = identifiers({asset.name: asset.name for asset in shapes.meshes})
-    meshes = format_prim(prototypes(shapes, request.store, scope, names)) if names else ""
+    names = identifiers({asset.name: asset.name for asset in geometry.meshes})
+    meshes = format_prim(prototypes(geometry, request.store, scope, names)) if names else ""
     files: dict[str, Content] = {}
-    lost = dict.fromkeys((*flat, *losses("usd", CAPABILITIES, assembly, request.robots, cut=True)))
-    paths = {name: f"/{scope}/{word}" for name, word in names.items()}
-    models = [model(robot, shapes, paths, request.report) for robot in request.robots]
+    all_losses = dict.fromkeys((*flat, *losses("usd", CAPABILITIES, assembly, request.robots, cut=True)))
+    paths = {name: f"/{scope}/{prim_name}" for name, prim_name in names.items()}
+    models = [model(robot, geometry, paths, request.report) for robot in request.robots]
     raw.apply(assembly, models, request.report)
-    for robot, made in zip(request.robots, models, strict=True):
-        said, file = heading(assembly.definition.document, robot.mode.name), f"{assembly.name}_{robot.mode.name}.usda"
-        made.metadata += prim_metadata(assembly.name, file, request.workspace.about)
-        header = layer_metadata(robot, made, request.workspace.about)
-        files[f"usd/{file}"] = write([format_prim(made), meshes], assembly.name, said, header).encode()
-        lost |= dict.fromkeys(_losses_of_mode(robot))
-    return Artifacts(files=dict(sorted(files.items())), losses=tuple(lost))
+    for robot, prim in zip(request.robots, models, strict=True):
+        comment, file = heading(assembly.definition.document, robot.mode.name), f"{assembly.name}_{robot.mode.name}.usda"
+        prim.metadata += prim_metadata(assembly.name, file, request.workspace.about)
+        header = layer_metadata(robot, prim, request.workspace.about)
+        files[f"usd/{file}"] = write([format_prim(prim), meshes], assembly.name, comment, header).encode()
+        all_losses |= dict.fromkeys(_losses_of_mode(robot))
+    return Artifacts(files=dict(sorted(files.items())), losses=tuple(all_losses))
 
 
 def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
@@ -55,8 +55,8 @@ def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
     """
     mode = robot.mode
     for connection in connections(robot, CAPABILITIES["loops"]):
-        if (number := len(chain(connection))) > 1:
-            what = f"the motion: {number} separate joints, with a link of 1e-9 kg between the joints"
+        if (count := len(chain(connection))) > 1:
+            what = f"the motion: {count} separate joints, with a link of 1e-9 kg between the joints"
             yield Loss("usd", mode.name, connection.path, what, "approximated", connection.origin)
         for joint in connection.joints:
             if joint.limit.effort is not None and joint.actuator is None:
@@ -71,18 +71,18 @@ def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
             ("centre of mass", numeric.maximum(map(abs, link.properties.centre)), "m"),
         ):
             yield from _infinite(link.name, what, value, unit, link.origin)
-    joints, expressed = joints_of(robot.assembly), followers(robot)
+    joints, mimic_joints = joints_of(robot.assembly), followers(robot)
     for joint, (leader, _, _) in zip(joints, leaders(joints).values(), strict=True):
-        if joint.mimic is not None and joint.path not in expressed:
+        if joint.mimic is not None and joint.path not in mimic_joints:
             what = f"the mimic of `{leader}`: a hinge can mimic only a hinge, and a slide only a slide"
             yield Loss("usd", None, joint.path, what, "omitted", joint.mimic.origin)
     if not _is_closed(robot):
         what = "the start pose: the file has q = 0, where loops and holds are open"
         yield Loss("usd", mode.name, mode.name, what, "approximated", mode.origin)
-    for one in robot.assembly.occurrences:
-        if one.material is not None and one.material.torsion is not None:
+    for occurrence in robot.assembly.occurrences:
+        if occurrence.material is not None and occurrence.material.torsion is not None:
             what = "the torsional friction, which only Newton reads"
-            yield Loss("usd", None, one.material.name, what, "carried as custom data", one.material.origin)
+            yield Loss("usd", None, occurrence.material.name, what, "carried as custom data", occurrence.material.origin)
 
 
 def _of_floats(joint: TreeJoint | JointEdge) -> Iterator[Loss]:
@@ -103,8 +103,8 @@ def _infinite(path: str, what: str, value: float, unit: str, origin: Origin, *, 
     degrees.
     """
     if value > (numeric.radians(FLOAT_MAX) if degrees else FLOAT_MAX):
-        words = f"the {what} of {value:.6g} {unit}: infinite in the file, which supports numbers up to {FLOAT_MAX:.2g}"
-        yield Loss("usd", None, path, words, "approximated", origin)
+        description = f"the {what} of {value:.6g} {unit}: infinite in the file, which supports numbers up to {FLOAT_MAX:.2g}"
+        yield Loss("usd", None, path, description, "approximated", origin)
 
 
 def _is_closed(robot: Robot) -> bool:

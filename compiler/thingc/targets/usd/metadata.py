@@ -13,7 +13,7 @@ from thingc.base.package_info import PackageInfo
 from thingc.model.robot.types import Robot
 from thingc.targets.geometry import bounds, placements
 from thingc.targets.usd.stage import LEAST_MASS
-from thingc.targets.usd.usda import INDENT, Prim, dictionary, quote, several
+from thingc.targets.usd.usda import INDENT, Prim, dictionary, format_vector, quote
 from thingc.targets.xml_writer import number
 
 ROBOT = "Q11012"
@@ -31,14 +31,14 @@ def layer_metadata(robot: Robot, model: Prim, about: PackageInfo) -> list[str]:
     assembly = robot.assembly
     low, high = bounds(*placements(robot)) or ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     mass = sum_of(assembly.links[body.link].properties.mass for body in robot.bodies)
-    inside = dictionary("dictionary SimReady_Metadata", {
-        "float3 asset_extents": several(b - a for a, b in zip(low, high, strict=True)), "string asset_license": quote(about.license),
+    entries = dictionary("dictionary SimReady_Metadata", {
+        "float3 asset_extents": format_vector(b - a for a, b in zip(low, high, strict=True)), "string asset_license": quote(about.license),
         "string asset_name": quote(assembly.name), "string asset_type": quote("robot"), "string author": quote(about.maintainer),
         "string category": quote("robot"), "double mass": number(maximum(mass, LEAST_MASS)), "string qcode": quote(ROBOT),
         "int rigid_body_count": str(sum("PhysicsRigidBodyAPI" in prim.schemas for prim in model.children)),
         "string source_file": quote(assembly.definition.document), "string usd_date_generated": quote(build_date()),
     })
-    return ["customLayerData = {", *(f"{INDENT}{line}" for line in inside), "}"]
+    return ["customLayerData = {", *(f"{INDENT}{line}" for line in entries), "}"]
 
 
 def build_date() -> str:

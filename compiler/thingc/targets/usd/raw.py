@@ -21,7 +21,7 @@ from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.types import RawAttribute
 from thingc.targets.raw import Fault, in_files, report_fault
 from thingc.targets.usd.stage import JOINTS, SCENE
-from thingc.targets.usd.usda import FLOAT_MAX, Prim, format_array, quote, several
+from thingc.targets.usd.usda import FLOAT_MAX, Prim, format_array, format_vector, quote
 from thingc.targets.xml_writer import NO_CHARACTER, number
 
 KINDS = ("joint", "link", SCENE)
@@ -49,8 +49,8 @@ def apply(assembly: Assembly, models: Sequence[Prim], report: Report) -> None:
     """
     for attribute in assembly.raw:
         if attribute.target == "usd":
-            laid = filter(None, (_apply(attribute, prim) for prim in _prims(attribute, models)))
-            report_fault(attribute, _fault(attribute, models) or next(laid, None), report)
+            faults = filter(None, (_apply(attribute, prim) for prim in _prims(attribute, models)))
+            report_fault(attribute, _fault(attribute, models) or next(faults, None), report)
 
 
 def _fault(attribute: RawAttribute, models: Sequence[Prim]) -> Fault | None:
@@ -83,36 +83,36 @@ def _all(kind: str, model: Prim) -> list[Prim]:
 def _apply(attribute: RawAttribute, prim: Prim) -> Fault | None:
     """Apply a raw attribute to a USD prim. Return the error if the attribute is invalid, or else None."""
     key, value, last = attribute.path[-1], json.loads(attribute.value), len(attribute.path)
-    strange = NO_CHARACTER.search("".join(one for one in (value if isinstance(value, list) else [value]) if isinstance(one, str)))
-    if strange is not None:
-        return f"a string in USD cannot contain the character `{escape_control(strange[0])}`", "remove the character", last
+    invalid = NO_CHARACTER.search("".join(item for item in (value if isinstance(value, list) else [value]) if isinstance(item, str)))
+    if invalid is not None:
+        return f"a string in USD cannot contain the character `{escape_control(invalid[0])}`", "remove the character", last
     if key == SCHEMAS:
         schemas = value if isinstance(value, list) else [value]
-        if not all(isinstance(one, str) and re.fullmatch(_NAME, one, re.ASCII) for one in schemas):
+        if not all(isinstance(item, str) and re.fullmatch(_NAME, item, re.ASCII) for item in schemas):
             return f"`{SCHEMAS}` must be a list of names of schemas", "write, for example, `[PhysxJointAPI]`", last
-        prim.schemas += [one for one in dict.fromkeys(schemas) if one not in prim.schemas]
+        prim.schemas += [item for item in dict.fromkeys(schemas) if item not in prim.schemas]
         return None
     if (named := _KEY.fullmatch(key)) is None:
         hint = "write its name, `physics:breakForce`, or its type and its name, `token physxScene:solverType`"
         return f"`{key}` cannot be an attribute in USD", hint, last - 1
     type, name = named.groups()
-    place, written = next(
-        ((place, match[1]) for place, line in enumerate(prim.properties) if (match := _WRITTEN.match(line)) and match[2] == name),
+    index, declared = next(
+        ((index, match[1]) for index, line in enumerate(prim.properties) if (match := _WRITTEN.match(line)) and match[2] == name),
         (len(prim.properties), None),
     )
-    if written == "rel":
+    if declared == "rel":
         return f"`{name}` refers to other prims and is not an attribute", "use the keys of the document instead", last - 1
     if type is None:
-        type = (written or _type_of(value)).removeprefix("uniform ")
-    elif written is not None and type != written.removeprefix("uniform "):
-        return f"`{name}` is a `{written.removeprefix('uniform ')}`, not a `{type}`", "leave out the type", last - 1
+        type = (declared or _type_of(value)).removeprefix("uniform ")
+    elif declared is not None and type != declared.removeprefix("uniform "):
+        return f"`{name}` is a `{declared.removeprefix('uniform ')}`, not a `{type}`", "leave out the type", last - 1
     elif _TYPE.fullmatch(type) is None:
-        types = ", ".join(f"`{one}`" for one in (*TYPES, "int[]", "float3"))
+        types = ", ".join(f"`{item}`" for item in (*TYPES, "int[]", "float3"))
         return f"`{type}` is not a type of raw attributes", f"write one of {types}", last - 1
     literal = _literal(type, value)
     if literal is None:
         return f"`{escape_control(attribute.value)}` is not a `{type}`", _type_help(type), last
-    prim.properties[place : place + 1] = [f"{written or type} {name} = {literal}"]
+    prim.properties[index : index + 1] = [f"{declared or type} {name} = {literal}"]
     return None
 
 
@@ -134,10 +134,10 @@ def _literal(type: str, value: object) -> str | None:
         scalar, size = type[:-1], int(type[-1])
     if scalar == type:
         return _scalar(scalar, value)
-    texts = [_scalar(scalar, one) for one in value] if isinstance(value, list) else [None]
+    texts = [_scalar(scalar, item) for item in value] if isinstance(value, list) else [None]
     if not all(text is not None for text in texts) or size not in (None, len(texts)):
         return None
-    return format_array(filter(None, texts)) if size is None else several(value if isinstance(value, list) else ())
+    return format_array(filter(None, texts)) if size is None else format_vector(value if isinstance(value, list) else ())
 
 
 def _scalar(type: str, value: object) -> str | None:
@@ -155,10 +155,10 @@ def _scalar(type: str, value: object) -> str | None:
 
 def _type_help(type: str) -> str:
     """Return the help text for a value of the USD type `type`."""
-    one = {
+    descriptions = {
         "bool": "true or false", "int": f"a whole number of at most {_INT_MAX}", "string": "text", "token": "text",
         "double": "a number", "float": f"a number of at most {FLOAT_MAX:.3g}",
     }
     if type[-1] in "234" or type == "vector3f":
         return f"write a list of {3 if type == 'vector3f' else type[-1]} numbers"
-    return f"write a list, each {one[type.removesuffix('[]')]}" if type.endswith("[]") else f"write {one[type]}"
+    return f"write a list, each {descriptions[type.removesuffix('[]')]}" if type.endswith("[]") else f"write {descriptions[type]}"

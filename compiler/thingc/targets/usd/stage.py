@@ -36,7 +36,7 @@ from thingc.targets.name_mangling import LINK, MangledNames, frames, safe
 from thingc.targets.usd.capabilities import CAPABILITIES
 from thingc.targets.usd.chain import UsdJoint, chain, followers
 from thingc.targets.usd.drives import articulation, dynamics, equip, follow
-from thingc.targets.usd.usda import Prim, format_array, quote, several
+from thingc.targets.usd.usda import Prim, format_array, format_vector, quote
 
 Key = TypeVar("Key")
 
@@ -122,37 +122,37 @@ class _Builder:
                 if site_names.free(site.path, site.origin):
                     prim.add("Xform", safe(site.path)).place(site.pose)
             self._shapes(prim, links[index])
-        holder = Prim(type="Scope", name=JOINTS)
+        joints = Prim(type="Scope", name=JOINTS)
         for connection in connections(robot, CAPABILITIES["loops"]):
-            self._connect(holder, names, poses, connection)
-        self.root.children.append(holder)
+            self._connect(joints, names, poses, connection)
+        self.root.children.append(joints)
         return self.root
 
     def _scene(self) -> None:
         """Add the physics scene, which defines gravity [m/s^2]."""
         scene = self.root.add("PhysicsScene", SCENE)
         size = hypot(*self.robot.gravity)
-        direction = several(g / size for g in self.robot.gravity) if size else "(0, 0, -1)"
+        direction = format_vector(g / size for g in self.robot.gravity) if size else "(0, 0, -1)"
         scene.fill({"vector3f physics:gravityDirection": direction, "float physics:gravityMagnitude": size})
 
     def _materials(self) -> None:
         """Add a visual material for each colour, and a physics material for each combination of friction values."""
-        holder = self.root.add("Scope", MATERIALS)
+        scope = self.root.add("Scope", MATERIALS)
         for name, color in self.colors.items():
             red, green, blue, alpha = channels(color)
-            material = holder.add("Material", self.materials[name])
+            material = scope.add("Material", self.materials[name])
             path = f"{self.path}/{MATERIALS}/{material.name}/surface.outputs:surface"
             material.properties.append(f"token outputs:surface.connect = <{path}>")
             shader = material.add("Shader", "surface")
             shader.fill({
                 "uniform token info:id": '"UsdPreviewSurface"',
-                "color3f inputs:diffuseColor": several((linear(red), linear(green), linear(blue))),
+                "color3f inputs:diffuseColor": format_vector((linear(red), linear(green), linear(blue))),
                 "float inputs:opacity": alpha, "float inputs:roughness": ROUGHNESS,
             })
             shader.properties.append("token outputs:surface")
         for friction in self.frictions:
             _, slide, torsion, roll = friction
-            material = holder.add("Material", self.materials[friction], "PhysicsMaterialAPI")
+            material = scope.add("Material", self.materials[friction], "PhysicsMaterialAPI")
             if (torsion, roll) != (None, None):
                 material.schemas.append("NewtonMaterialAPI")
             material.fill({
@@ -168,9 +168,9 @@ class _Builder:
         prim = self.root.add("Xform", name, "PhysicsRigidBodyAPI", "PhysicsMassAPI")
         moments, axes = moments_of(properties)
         prim.fill({
-            "float physics:mass": properties.mass or LEAST_MASS, "point3f physics:centerOfMass": several(properties.centre),
-            "float3 physics:diagonalInertia": several(moments),
-            "quatf physics:principalAxes": several(Pose(rotation=axes).quaternion()),
+            "float physics:mass": properties.mass or LEAST_MASS, "point3f physics:centerOfMass": format_vector(properties.centre),
+            "float3 physics:diagonalInertia": format_vector(moments),
+            "quatf physics:principalAxes": format_vector(Pose(rotation=axes).quaternion()),
         })
         prim.place(pose, always=True)
         return prim
@@ -194,8 +194,8 @@ class _Builder:
         for number, (path, pose) in enumerate((first, second)):
             frame = pose @ joint.frame
             prim.fill({
-                f"rel physics:body{number}": f"<{path}>", f"point3f physics:localPos{number}": several(frame.translation),
-                f"quatf physics:localRot{number}": several(frame.quaternion()),
+                f"rel physics:body{number}": f"<{path}>", f"point3f physics:localPos{number}": format_vector(frame.translation),
+                f"quatf physics:localRot{number}": format_vector(frame.quaternion()),
             })
         if joint.type in ("Revolute", "Prismatic"):
             prim.set("uniform token physics:axis", '"Z"')
@@ -213,7 +213,7 @@ class _Builder:
     def _shapes(self, prim: Prim, link: Link) -> None:
         """Add the visual shapes and the collision shapes of a link. By default, viewers hide collision shapes."""
         used = {child.name for child in prim.children}
-        visuals, collisions = (Prim(type="Scope", name=unique_name(word, used)) for word in ("visuals", "collisions"))
+        visuals, collisions = (Prim(type="Scope", name=unique_name(scope_name, used)) for scope_name in ("visuals", "collisions"))
         for member, pose in zip(link.members, link.poses, strict=True):
             shapes = self.geometry.shapes[member]
             for index, shape in enumerate(shapes.visual):
@@ -306,7 +306,7 @@ def _set_size(prim: Prim, shape: Shape) -> tuple[float, ...]:
 
 def _extent(prim: Prim, half: tuple[float, float, float]) -> None:
     """Set the bounding box of a primitive that is centred at its origin. `half` contains half of each side length of the box."""
-    prim.set("float3[] extent", f"[{several(-value for value in half)}, {several(half)}]")
+    prim.set("float3[] extent", f"[{format_vector(-value for value in half)}, {format_vector(half)}]")
 
 
 def identifiers(texts: Mapping[Key, str]) -> dict[Key, str]:
@@ -322,16 +322,16 @@ def identifiers(texts: Mapping[Key, str]) -> dict[Key, str]:
 
 def unique_name(base: str, used: Collection[str]) -> str:
     """Return a name that is not in `used`: the name `base` itself, or `base` with a number appended."""
-    return next(name for k in range(len(used) + 1) if (name := f"{base}_{k}" if k else base) not in used)
+    return next(name for index in range(len(used) + 1) if (name := f"{base}_{index}" if index else base) not in used)
 
 
 def prototypes(geometry: Geometry, store: Store, scope: str, names: dict[str, str]) -> Prim:
     """Create a class prim that contains a prototype for each mesh asset. Instances of the meshes reference these prototypes."""
     prim = Prim(type="Scope", name=scope, specifier="class")
-    drawn = {shape.mesh for shapes in geometry.shapes for shape in shapes.visual}
+    visual_meshes = {shape.mesh for shapes in geometry.shapes for shape in shapes.visual}
     for asset in geometry.meshes:
         parent = prim.add("Xform", names[asset.name])
-        _mesh(parent.add("Mesh", MESH), asset, store.read(asset.mesh.sha256).decode(), drawn=asset.name in drawn)
+        _mesh(parent.add("Mesh", MESH), asset, store.read(asset.mesh.sha256).decode(), is_visual=asset.name in visual_meshes)
     return prim
 
 
@@ -348,7 +348,7 @@ def _normals(columns: list[list[float]], corners: list[int]) -> Iterator[Vector]
         yield (round(x / size, 6), round(y / size, 6), round(z / size, 6)) if size else (0.0, 0.0, 1.0)
 
 
-def _mesh(prim: Prim, asset: MeshAsset, text: str, *, drawn: bool) -> None:
+def _mesh(prim: Prim, asset: MeshAsset, text: str, *, is_visual: bool) -> None:
     """Set the triangles of a mesh prim from a mesh in the store (OBJ), without changes."""
     rows = [line.split() for line in text.splitlines()]
     points = [row[1:4] for row in rows if row and row[0] == "v"]
@@ -356,13 +356,13 @@ def _mesh(prim: Prim, asset: MeshAsset, text: str, *, drawn: bool) -> None:
     columns = [[float(point[k]) for point in points] for k in range(3)]
     low, high = map(numeric.minimum, columns), map(numeric.maximum, columns)
     prim.fill({
-        "float3[] extent": format_array((several(low), several(high))),
+        "float3[] extent": format_array((format_vector(low), format_vector(high))),
         "int[] faceVertexCounts": format_array("3" for _ in range(len(corners) // 3)),
         "int[] faceVertexIndices": format_array(str(corner) for corner in corners),
         "point3f[] points": format_array(f"({', '.join(point)})" for point in points),
     })
-    prim.properties.append(f"normal3f[] primvars:normals = {format_array(map(several, _normals(columns, corners)))} (")
+    prim.properties.append(f"normal3f[] primvars:normals = {format_array(map(format_vector, _normals(columns, corners)))} (")
     prim.properties += ['    interpolation = "uniform"', ")"]
     prim.set("uniform token subdivisionScheme", '"none"')
-    if drawn and not asset.mesh.closed:
+    if is_visual and not asset.mesh.closed:
         prim.set("uniform bool doubleSided", "1")

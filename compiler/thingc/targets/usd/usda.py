@@ -58,13 +58,13 @@ class Prim:
         """Set the pose of the prim relative to its parent, and its scale factors. An identity is omitted, unless `always` is True."""
         steps = []
         if always or any(pose.translation):
-            self.set("double3 xformOp:translate", several(pose.translation))
+            self.set("double3 xformOp:translate", format_vector(pose.translation))
             steps.append("translate")
         if always or pose.rotation != IDENTITY:
-            self.set("quatd xformOp:orient", several(pose.quaternion()))
+            self.set("quatd xformOp:orient", format_vector(pose.quaternion()))
             steps.append("orient")
         if scale:
-            self.set("double3 xformOp:scale", several(scale))
+            self.set("double3 xformOp:scale", format_vector(scale))
             steps.append("scale")
         if steps:
             self.set("uniform token[] xformOpOrder", format_array(quote(f"xformOp:{step}") for step in steps))
@@ -75,7 +75,7 @@ def quote(text: str) -> str:
     return '"' + text.translate(_ESCAPES) + '"'
 
 
-def several(values: Iterable[float]) -> str:
+def format_vector(values: Iterable[float]) -> str:
     """Format a vector, a colour or a quaternion (w, x, y, z) as USD text."""
     return f"({', '.join(number(value) for value in values)})"
 
@@ -125,8 +125,8 @@ def _lines(prim: Prim, indent: str) -> Iterator[str]:
         yield f"{indent})"
     yield f"{indent}{{"
     yield from (f"{indent}{INDENT}{line}" for line in prim.properties)
-    for number_, child in enumerate(prim.children):
-        if number_ or prim.properties:
+    for index, child in enumerate(prim.children):
+        if index or prim.properties:
             yield ""
         yield from _lines(child, indent + INDENT)
     yield f"{indent}}}"

@@ -26,7 +26,7 @@ from thingc.driver.pipeline import Compilation, UnknownChoice
 from thingc.tools.cli import console
 
 if TYPE_CHECKING:
-    from thingc.driver.testing.results import Result
+    from thingc.driver.testing.outcomes import Result
     from thingc.driver.testing.test_runner import Selection
     from thingc.model.assembly.types import Assembly
 

@@ -24,7 +24,7 @@ from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Code, Diagnostic, Note, Severity
 from thingc.base.safe_text import escape_control, json_text
 from thingc.base.source import Span
-from thingc.driver.testing.results import Result
+from thingc.driver.testing.outcomes import Result
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 ROOT = "%SRCROOT%"

@@ -10,9 +10,8 @@ from thingc.base.numeric import inf, isfinite, minimum, round_significant, sum_o
 from thingc.base.pose import Pose
 from thingc.base.units import ANGULAR_VELOCITY, FORCE, TORQUE, VELOCITY
 from thingc.documents.checks.drive_margin import KIND, DriveCheck
-from thingc.driver.testing.kinds.torque_margin import SLACK
+from thingc.driver.testing.kinds.torque_margin import SLACK, driven_elements
 from thingc.driver.testing.outcomes import Failure, Outcome, TestCase, TestMeasurement, format_si
-from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge, LinkedTendon
 from thingc.model.dynamics.inertial_loads import inertial_loads
 from thingc.model.dynamics.motion_curve import MotionCurve, with_closed_loops
@@ -47,7 +46,6 @@ class Instant(NamedTuple):
 def measure(case: TestCase, check: DriveCheck) -> Outcome:
     """Measure the smallest margin of the tested drives during a motion: the effort that is available, divided by the effort needed."""
     motion = with_closed_loops(case.robot, next(each for each in case.robot.assembly.definition.motions if each.name == check.motion))
-    failure: Failure | None = None
     if motion is None:
         return Outcome(summary="the loops do not close", failure=Failure(
             code=Code.TEST_DRIVE, key="motion", message="the loops of the mode do not close during the motion",
@@ -55,10 +53,11 @@ def measure(case: TestCase, check: DriveCheck) -> Outcome:
         ))
     tested = (candidate for candidate in instants(case.robot, motion, case.frames[0].base) if candidate.path in check.joints)
     worst = min(tested, key=lambda candidate: round_significant(candidate.margin, 12))
-    drive = _drives(case.robot)[worst.path]
+    drive = driven_elements(case.robot)[worst.path]
     effort, speed = (TORQUE, ANGULAR_VELOCITY) if drive.turns else (FORCE, VELOCITY)
     needed, available = format_si(abs(worst.effort), effort), format_si(worst.available, effort)
     speed_text, time_text = format_si(abs(worst.speed), speed), f"{worst.time:.4g} s"
+    failure: Failure | None = None
     if worst.stuck is not None:
         failure = Failure(
             code=Code.TEST_DRIVE, key="motion", help="add a drive to the joint, or use a mode in which its drive is present",
@@ -85,7 +84,7 @@ def measure(case: TestCase, check: DriveCheck) -> Outcome:
 
 def instants(robot: Robot, motion: NamedMotion, base: Pose | None) -> Iterator[Instant]:
     """Yield the state of each drive at each examined time of a motion with closed loops. `base` is the pose of the root link."""
-    curve, drives = MotionCurve(robot.assembly, motion), _drives(robot)
+    curve, drives = MotionCurve(robot.assembly, motion), driven_elements(robot)
     for time in curve.samples().tolist():
         state = curve.at(time)
         bodies = body_poses(robot, state.q, base)
@@ -95,10 +94,6 @@ def instants(robot: Robot, motion: NamedMotion, base: Pose | None) -> Iterator[I
         for path, coordinates, _, _ in moves:
             effort, speed = equilibrium.by_joint[path], sum_of(factor * state.v[leader] for leader, factor in coordinates)
             yield Instant(path, time, effort, speed, available(drives[path], effort, speed), stuck)
-
-
-def _drives(robot: Robot) -> dict[str, JointEdge | LinkedTendon]:
-    return {joint.path: joint for joint in joints_of(robot.assembly)} | {tendon.path: tendon for tendon in robot.assembly.tendons}
 
 
 def available(drive: JointEdge | LinkedTendon, effort: float, speed: float) -> float:

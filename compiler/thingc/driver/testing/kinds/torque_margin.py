@@ -28,8 +28,7 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
     """Measure the smallest torque margin of the tested drives. The margin is the ratio of the effort limit to the static effort."""
     robot, frame = case.robot, case.frames[0]
     bodies = body_poses(robot, frame.q, frame.base)
-    joints: dict[str, JointEdge | LinkedTendon] = {joint.path: joint for joint in joints_of(robot.assembly)}
-    joints |= {tendon.path: tendon for tendon in robot.assembly.tendons}
+    joints = driven_elements(robot)
     equilibrium = static_efforts(robot, frame.q, bodies, case.request.memo)
     efforts, margins, choices = equilibrium.by_joint, equilibrium.margins, equilibrium.choices
     weakest = _weakest(check, margins)
@@ -70,6 +69,11 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
             f"but at least {check.minimum:g} is required",
         )
     return Outcome(measured=measured, expected=expected, summary=summary, failure=failure)
+
+
+def driven_elements(robot: Robot) -> dict[str, JointEdge | LinkedTendon]:
+    """Return the joint coordinates and the tendons of a robot, which drives can move, by path."""
+    return {joint.path: joint for joint in joints_of(robot.assembly)} | {tendon.path: tendon for tendon in robot.assembly.tendons}
 
 
 def _weakest(check: TorqueCheck, margins: Mapping[str, float]) -> str:

@@ -17,7 +17,7 @@ PLANE = "plane"
 WORLD = -1
 
 
-class ContactPairs(FrozenStruct):
+class ContactGeom(FrozenStruct):
     """A geom that can collide with other geoms.
 
     The object contains the element of the geom (None for the floor of the scene), and its attributes. The attributes include those of the
@@ -32,7 +32,7 @@ class ContactPairs(FrozenStruct):
         """Return the type of the geom in MJCF."""
         return self.values.get("type", "sphere")
 
-    def meets(self, other: ContactPairs) -> bool:
+    def meets(self, other: ContactGeom) -> bool:
         """Return whether the masks of two geoms allow contacts."""
         (type_1, affinity_1), (type_2, affinity_2) = (
             (int(one.values.get("contype", "1")), int(one.values.get("conaffinity", "1"))) for one in (self, other)
@@ -45,10 +45,10 @@ class ContactPairs(FrozenStruct):
         return float(self.values.get("margin", "0"))
 
 
-FLOOR = ContactPairs(element=None, values={"type": PLANE})
+FLOOR = ContactGeom(element=None, values={"type": PLANE})
 
 
-def pairs(root: Element) -> Iterator[tuple[ContactPairs, ContactPairs]]:
+def pairs(root: Element) -> Iterator[tuple[ContactGeom, ContactGeom]]:
     """Yield every pair of geoms that MuJoCo tests for contacts, including pairs with the floor.
 
     A pair is omitted if its bodies are rigidly connected, if they are parent and child, if `exclude` lists the pair, or if the masks of the
@@ -108,10 +108,10 @@ def _bodies(root: Element) -> Iterator[tuple[Element, int | None]]:
             number += 1
 
 
-def _geoms(body: Element, classes: Mapping[str, Values]) -> Iterator[ContactPairs]:
+def _geoms(body: Element, classes: Mapping[str, Values]) -> Iterator[ContactGeom]:
     """Yield the geoms of a body that can collide with other geoms."""
     for one in body.children:
         if one.tag == "geom":
             values = {**classes.get(one.get("class", "main"), {}), **one.texts}
             if values.get("contype", "1") != "0" or values.get("conaffinity", "1") != "0":
-                yield ContactPairs(element=one, values=values)
+                yield ContactGeom(element=one, values=values)

@@ -9,13 +9,13 @@ actuators.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 from thingc.model.robot.types import Robot
 from thingc.targets.artifact import Loss
 from thingc.targets.mjcf import adhesion_contacts
 from thingc.targets.mjcf.compat.consumer import Consumer, Refusal, UnsupportedOptions
-from thingc.targets.mjcf.compat.contact_pairs import ContactPairs, pairs
+from thingc.targets.mjcf.compat.contact_pairs import ContactGeom, pairs
 from thingc.targets.xml_writer import Element
 
 UNSUPPORTED_PAIRS = frozenset(map(frozenset, (("cylinder", "box"), ("cylinder", "mesh"), ("ellipsoid", "box"), ("ellipsoid", "mesh"))))
@@ -72,7 +72,10 @@ def _find_refusals(robot: Robot, root: Element) -> Iterator[Refusal]:
             origin=robot.mode.origin if raw_cone is None else raw_cone.attribute.origin, path="cone",
             hint=f"load `scene_{robot.mode.name}.xml`, or write `cone: pyramidal` under `simulation`",
         )
-    for first, second in _distinct_pairs(contacts):
+    distinct: dict[object, tuple[ContactGeom, ContactGeom]] = {}
+    for pair in contacts:
+        distinct.setdefault(tuple(map(_kind, pair)), pair)
+    for first, second in distinct.values():
         blamed = second if first.element is None else first
         assert blamed.element is not None
         name = blamed.element.get("name")
@@ -83,7 +86,7 @@ def _find_refusals(robot: Robot, root: Element) -> Iterator[Refusal]:
             yield Refusal(what=fault, origin=origin, path=name.partition(":")[0], hint="choose another `collision`, or exclude the pair")
 
 
-def _faults(first: ContactPairs, second: ContactPairs, *, elliptic: bool) -> Iterator[tuple[str, str]]:
+def _faults(first: ContactGeom, second: ContactGeom, *, elliptic: bool) -> Iterator[tuple[str, str]]:
     """Yield the reasons why MJX rejects a contact between two geoms. Each reason includes the attribute that causes the rejection."""
     kinds = sorted((first.type, second.type))
     if frozenset(kinds) in UNSUPPORTED_PAIRS:
@@ -94,22 +97,14 @@ def _faults(first: ContactPairs, second: ContactPairs, *, elliptic: bool) -> Ite
         yield "it does not support frictionless contacts with elliptic cones", "condim"
 
 
-def _condim(first: ContactPairs, second: ContactPairs) -> int:
+def _condim(first: ContactGeom, second: ContactGeom) -> int:
     """Return the dimension `condim` of a contact: the value of the geom with the higher priority, or else the larger value."""
     values = [geom.values for geom in (first, second)]
     ranked = sorted(((int(geom.get("priority", "0")), int(geom.get("condim", "3"))) for geom in values), reverse=True)
     return ranked[0][1] if ranked[0][0] > ranked[1][0] else max(condim for _, condim in ranked)
 
 
-def _distinct_pairs(contacts: Iterable[tuple[ContactPairs, ContactPairs]]) -> Iterator[tuple[ContactPairs, ContactPairs]]:
-    """Yield one pair of geoms for each reason why MJX rejects contacts."""
-    kinds: dict[object, tuple[ContactPairs, ContactPairs]] = {}
-    for pair in contacts:
-        kinds.setdefault(tuple(map(_kind, pair)), pair)
-    yield from kinds.values()
-
-
-def _kind(geom: ContactPairs) -> tuple[object, ...]:
+def _kind(geom: ContactGeom) -> tuple[object, ...]:
     """Return the properties of a geom that determine whether MJX rejects its contacts."""
     raw = bool(geom.element and geom.element.raw)
     return geom.type, geom.margin, geom.values.get("condim"), geom.values.get("priority"), raw
@@ -132,7 +127,7 @@ def _prisms(root: Element) -> Iterator[Loss]:
     Because prisms are meshes, other cylinders may then collide with a mesh.
     """
     contacts = [pair for pair in pairs(root) if pair[0].element is not None]
-    replaced: dict[int, ContactPairs] = {}
+    replaced: dict[int, ContactGeom] = {}
     while True:
         added = [
             geom for pair in contacts for geom in pair
