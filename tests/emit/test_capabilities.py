@@ -203,7 +203,7 @@ def text_of(robot: Any, target: str) -> str:
         case "urdf":
             return write(urdf.model(still, geometry, report), "").text
         case "sdf":
-            return write(sdf.model(still, geometry, zero_state(still), report)[0], "").text
+            return write(sdf.model(still, geometry, zero_state(still), report, []), "").text
         case _:
             return format_prim(usd.model(still, geometry, {}, report))
 
