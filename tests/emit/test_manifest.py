@@ -15,10 +15,11 @@ import thingc
 from emit.small_robot import assembly, request, span
 from thingc.driver.output import verify, write_build
 from thingc.geometry.store.local import Store
+from thingc.model.resolve.resolver import Settings
 from thingc.targets import json_writer, modes_json
 from thingc.targets.artifact import Content, Loss, StoredArtifact
 from thingc.targets.bom import emit as bom
-from thingc.targets.manifest import DISTRIBUTIONS, BuildChoice, manifest, versions
+from thingc.targets.manifest import DISTRIBUTIONS, manifest, versions
 from thingc.targets.stl import emit as stl
 
 LOSSES = (
@@ -31,7 +32,7 @@ def build_manifest(store: Store, files: dict[str, Content], documents: dict[str,
     whole = assembly(store)
     return manifest(
         whole, document="arm.yaml", documents=documents, files=files, losses=LOSSES, workspace=request(whole, store).workspace,
-        choice=BuildChoice(modes=("bench",), emit=("stl", "bom"), parameters=parameters),
+        settings=Settings(parameters=parameters), modes=["bench"], emit=["stl", "bom"], compat=(),
     )
 
 

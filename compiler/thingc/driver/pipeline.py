@@ -390,19 +390,19 @@ def request_of(environment: Environment, compilation: Compilation, *, verify: in
 def files(environment: Environment, compilation: Compilation, artifacts: Mapping[str, Artifacts]) -> dict[str, Content]:
     """Return the contents of all files of a build folder, keyed by path in the folder: the files of the targets, and `manifest.json`."""
     from thingc.targets.artifact import MANIFEST
-    from thingc.targets.manifest import BuildChoice, manifest
+    from thingc.targets.manifest import manifest
 
-    assembly, documents, settings = _assembly(compilation), compilation.documents, compilation.settings
+    documents = compilation.documents
     assert documents is not None
     files = {path: content for target_artifacts in artifacts.values() for path, content in target_artifacts.files.items()}
     files[MANIFEST] = manifest(
-        assembly,
+        _assembly(compilation),
         document=documents.root.relative,
         documents={path: document.sha256 for path, document in documents.by_path.items()},
-        choice=BuildChoice(
-            modes=tuple(robot.mode.name for robot in compilation.robots), emit=tuple(artifacts), compat=environment.compat,
-            parameters=dict(settings.parameters), choices=dict(settings.choices),
-        ),
+        settings=compilation.settings,
+        modes=[robot.mode.name for robot in compilation.robots],
+        emit=list(artifacts),
+        compat=environment.compat,
         files=files,
         losses=[loss for target_artifacts in artifacts.values() for loss in target_artifacts.losses],
         workspace=environment.geometry.workspace,

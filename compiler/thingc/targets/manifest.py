@@ -10,10 +10,10 @@ import sys
 from collections.abc import Mapping, Sequence
 
 from thingc import __version__
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.installed_packages import distribution_versions
 from thingc.documents.workspace import Workspace
 from thingc.model.assembly.types import Assembly
+from thingc.model.resolve.resolver import Settings
 from thingc.targets import json_writer
 from thingc.targets.artifact import MANIFEST, Content, Loss, StoredArtifact
 
@@ -21,36 +21,25 @@ DISTRIBUTIONS = ("build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco", "t
 """Names of distributions whose version affects a build, in addition to thingc. Distributions that are not installed are omitted."""
 
 
-class BuildChoice(FrozenStruct):
-    """The options of a build that the manifest records.
-
-    `modes` contains the names of the modes in document order. `emit` contains the names of targets, and `compat` the names of programs
-    that read MuJoCo models. Both tuples have the order of the tables of targets and programs. The values of parameters and choices are
-    strings.
-    """
-
-    modes: tuple[str, ...]
-    emit: tuple[str, ...]
-    parameters: Mapping[str, str]
-    choices: Mapping[str, str] = {}
-    compat: tuple[str, ...] = ()
-
-
 def manifest(
     assembly: Assembly,
     *,
     document: str,
     documents: Mapping[str, str],
-    choice: BuildChoice,
+    settings: Settings,
+    modes: Sequence[str],
+    emit: Sequence[str],
+    compat: Sequence[str],
     files: Mapping[str, Content],
     losses: Sequence[Loss],
     workspace: Workspace,
 ) -> bytes:
     """Create the content of the file `manifest.json` as bytes.
 
-    `document` and the keys of `documents` are paths in the workspace. The values of `documents` are the SHA-256 of the files. `files`
-    contains all other files of the build folder. The result does not depend on the order of the mappings. Raises `ValueError` if `files`
-    already contains a manifest.
+    `document` and the keys of `documents` are paths in the workspace. The values of `documents` are the SHA-256 of the files. `modes`
+    contains the names of the modes in document order, `emit` the names of targets and `compat` the names of programs that read MuJoCo
+    models, both in the order of their tables. `files` contains all other files of the build folder. The result does not depend on the
+    order of the mappings. Raises `ValueError` if `files` already contains a manifest.
     """
     if MANIFEST in files:
         raise ValueError(f"{MANIFEST} cannot list itself")
@@ -60,11 +49,11 @@ def manifest(
             "name": assembly.name,
             "document": document,
             "choice": {
-                "modes": choice.modes,
-                "emit": choice.emit,
-                **({"compat": choice.compat} if choice.compat else {}),
-                "parameters": dict(sorted(choice.parameters.items())),
-                "choices": dict(sorted(choice.choices.items())),
+                "modes": modes,
+                "emit": emit,
+                **({"compat": compat} if compat else {}),
+                "parameters": dict(sorted(settings.parameters.items())),
+                "choices": dict(sorted(settings.choices.items())),
             },
             "versions": versions(),
             "documents": dict(sorted(documents.items())),
