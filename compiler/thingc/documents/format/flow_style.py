@@ -67,9 +67,7 @@ def root_shape(kind: str | None) -> FieldType | None:
 
 def shape_for(shape: FieldType | None, value: Any) -> FieldType | None:
     """Return the branch of a union type that matches the Python type and the keys of `value` best. Return other types unchanged."""
-    if shape is None or shape.kind != "union":
-        return shape
-    return branch_of(shape, value)
+    return branch_of(shape, value) if shape is not None and shape.kind == "union" else shape
 
 
 def shape_below(shape: FieldType | None, key: str | None) -> FieldType | None:

@@ -164,10 +164,8 @@ class _Commenter:
 
     def run(self, root: Segment, start: int) -> list[str | None]:
         """Assign every comment to an entry, and return the comments at the top that describe the whole document."""
-        self.position = start
         if root.flow:
             head = gap(self.text, start, root.start)
-            self.position = root.end
             foot = gap(self.text, root.end, len(self.text))
             if head.comment is not None or foot.comment is not None:
                 raise UnsupportedStyle
@@ -178,51 +176,36 @@ class _Commenter:
         self.position = min(start + 1, len(self.text)) if start else 0
         self.block(root)
         self.ended_blocks = [root, *self.ended_blocks]
-        trailing = self.assign_comments(gap(self.text, self.position, len(self.text)), -1)
-        root.trailing.extend(trailing)
-        return self.head(root.items[0])
-
-    def head(self, first: Item) -> list[str | None]:
-        """Return the comments above the first key that belong to the whole document. The other comments remain with the first key.
-
-        Comments before an empty line, and comments for an editor, belong to the document.
-        """
-        lines = first.leading
+        root.trailing.extend(self.assign_comments(gap(self.text, self.position, len(self.text)), -1))
+        # Comments before an empty line, and comments for an editor, belong to the document. The others remain with the first key.
+        lines = root.items[0].leading
         cut = max((index for index, line in enumerate(lines) if line is None or is_modeline(line)), default=-1) + 1
-        first.leading = lines[cut:]
+        root.items[0].leading = lines[cut:]
         return lines[:cut]
 
     def block(self, piece: Segment) -> None:
         previous: Item | None = None
         for item in piece.items:
             self.ended_blocks = _ending_blocks(previous.value) if previous is not None else []
-            if item.key is not None:
-                item.leading = self.assign_comments(gap(self.text, self.position, item.start, compact=self.inside), piece.column)
-                self.mapping_item(item)
+            if item.key is None:
+                item.dash = self.find_dash(item, piece)
+                start, end = item.dash, item.dash + 1
+            elif (colon := _COLON.match(self.text, item.key[1])) is not None:
+                start, end = item.start, colon.end()
             else:
-                self.list_item(item, piece)
+                raise UnsupportedStyle
+            item.leading = self.assign_comments(gap(self.text, self.position, start, compact=self.inside), piece.column)
+            self.value(item, end)
             previous = item
         self.ended_blocks = _ending_blocks(previous.value) if previous is not None else []
 
-    def mapping_item(self, item: Item) -> None:
-        assert item.key is not None
-        colon = _COLON.match(self.text, item.key[1])
-        if colon is None:
-            raise UnsupportedStyle
-        self.value(item, colon.end())
-
-    def list_item(self, item: Item, piece: Segment) -> None:
-        dash = self.position
-        while dash < item.value.start:
+    def find_dash(self, item: Item, piece: Segment) -> int:
+        """Return the index of the dash before an item of the list `piece`."""
+        for dash in range(self.position, item.value.start):
             # a comment above the list may also contain dashes: only the dash in the column of the list marks an item
             if self.text[dash] == "-" and dash - (self.text.rfind("\n", 0, dash) + 1) == piece.column:
-                break
-            dash += 1
-        else:
-            raise UnsupportedStyle
-        item.dash = dash
-        item.leading = self.assign_comments(gap(self.text, self.position, dash, compact=self.inside), piece.column)
-        self.value(item, dash + 1)
+                return dash
+        raise UnsupportedStyle
 
     def value(self, item: Item, after_key: int) -> None:
         value = item.value

@@ -202,7 +202,6 @@ class _Builder:
 
     def sequence(self, event: Any, level: int) -> SequenceNode:
         items: list[Node] = []
-        start, end = event.start_mark.index, event.end_mark.index
         next_event = next(self.events)
         while type(next_event).__name__ != "SequenceEndEvent":
             if event.flow_style and _is_cut_expression(next_event):
@@ -215,14 +214,12 @@ class _Builder:
             else:
                 items.append(self.node(next_event, level + 1))
             next_event = next(self.events)
-        span = self.collection_span(start, end, next_event, bool(event.flow_style))
-        return SequenceNode(items=tuple(items), span=span)
+        return SequenceNode(items=tuple(items), span=self.collection_span(event, next_event))
 
     def mapping(self, event: Any, level: int) -> MappingNode:
         entries: dict[str, Node] = {}
         keys: dict[str, Span] = {}
         damaged = False
-        start, end = event.start_mark.index, event.end_mark.index
         next_event = next(self.events)
         bare_keys: list[tuple[Any, Any]] = []
         while bare_keys or type(next_event).__name__ != "MappingEndEvent":
@@ -253,15 +250,13 @@ class _Builder:
                     )
                 else:
                     entries[name], keys[name] = node, key_span
-        span = self.collection_span(start, end, next_event, bool(event.flow_style))
-        return MappingNode(entries=entries, keys=keys, span=span, damaged=damaged)
+        return MappingNode(entries=entries, keys=keys, span=self.collection_span(event, next_event), damaged=damaged)
 
-    def collection_span(self, start: int, end: int, last: Any, flow: bool) -> Span:
-        """Return the span of a mapping or list from its first to its last character, without trailing spaces and comments."""
-        end = max(end, last.end_mark.index)
-        if flow:
-            return self.source.span(start, end)
-        text = self.source.text
+    def collection_span(self, first: Any, last: Any) -> Span:
+        """Return the span of a mapping or list without trailing spaces and comments. `first` and `last` are its first and last event."""
+        start, text = first.start_mark.index, self.source.text
+        if first.flow_style:
+            return self.source.span(start, max(first.end_mark.index, last.end_mark.index))
         end = min(last.start_mark.index, len(text))
         # libyaml ends a block collection at the start of the next token: exclude comments and blank lines before that token
         while end > start:
@@ -362,28 +357,23 @@ class _Builder:
             value = next(self.events)
             pieces.append(next_event)
             if type(value).__name__ != "ScalarEvent" or value.value or value.style:
-                self.report_comma(pieces)
+                self.rejoin(pieces)
                 raise _Stop
             next_event = next(self.events)
         return self.rejoin(pieces), next_event
 
     def rejoin(self, pieces: list[Any]) -> ScalarNode:
+        """Join the pieces of an expression. If there are several pieces, report the comma that split the expression."""
+        start, end = pieces[0].start_mark.index, pieces[-1].end_mark.index
+        text, span = " ".join(self.source.text[start:end].split()), self.source.span(start, end)
         if len(pieces) > 1:
-            self.report_comma(pieces)
-        start, end = pieces[0].start_mark.index, pieces[-1].end_mark.index
-        text = " ".join(self.source.text[start:end].split())
+            quoted = f"'{text}'" if '"' in text else f'"{text}"'
+            self.report.add(
+                Code.EXPRESSION_COMMA, "the comma ends the expression: quote an expression with a comma inside `{}` and `[]`", span,
+                help=Suggestion(f"write `{shorten(quoted)}`", (text, quoted) if text == self.source.text[start:end] else None),
+            )
         self.nodes += 1
-        return ScalarNode(value=text, text=text, span=self.source.span(start, end))
-
-    def report_comma(self, pieces: list[Any]) -> None:
-        start, end = pieces[0].start_mark.index, pieces[-1].end_mark.index
-        text = " ".join(self.source.text[start:end].split())
-        quoted = f"'{text}'" if '"' in text else f'"{text}"'
-        self.report.add(
-            Code.EXPRESSION_COMMA, "the comma ends the expression: quote an expression with a comma inside `{}` and `[]`",
-            self.source.span(start, end),
-            help=Suggestion(f"write `{shorten(quoted)}`", (text, quoted) if text == self.source.text[start:end] else None),
-        )
+        return ScalarNode(value=text, text=text, span=span)
 
 
 def _is_cut_expression(event: Any) -> bool:

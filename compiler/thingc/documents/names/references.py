@@ -129,7 +129,7 @@ class NameReader:
             case "joint or nested assembly":
                 yield from self.find_pose_names(base, text, path, index)
             case "pose of a nested assembly":
-                for inner in self.components_of(base, [word for _, word in _split_words(str(path[-1]))], index):
+                for inner in self.components_of(base, _split_words(str(path[-1])), index):
                     yield from self.in_section(self.find_nested(*inner), "pose", text)
             case "pose" | "poses" | "mode" | "modes" | "motion" | "tendon":
                 yield from self.in_section(base, kind.removesuffix("s"), text)
@@ -182,14 +182,14 @@ class NameReader:
 
     # --- references -------------------------------------------------------------------------------------------------
 
-    def components_of(self, scope: DocumentNames, words: Sequence[str], index: str) -> list[tuple[DocumentNames, str]]:
+    def components_of(self, scope: DocumentNames, words: Sequence[Word], index: str) -> list[tuple[DocumentNames, str]]:
         """Return the components that a dotted reference selects. Each item is the document of the component and its key there.
 
         Each word after the first names a component of the nested assembly that the previous word selects.
         """
         level = [scope]
         selected: list[tuple[DocumentNames, str]] = []
-        for depth, word in enumerate(words):
+        for depth, (_, word) in enumerate(words):
             selected = [(outer, key) for outer in level for key in outer.matching_keys("components", word, index if not depth else "")]
             level = [inner for outer, key in selected if (inner := self.find_nested(outer, key)) is not None]
         return selected
@@ -197,12 +197,12 @@ class NameReader:
     def components(self, scope: DocumentNames, words: Sequence[Word], index: str) -> Iterator[Hit]:
         """Yield the existing components to which each of the `words` of a dotted reference refers."""
         for depth, (start, word) in enumerate(words):
-            for document, key in self.components_of(scope, [text for _, text in words[: depth + 1]], index):
-                yield self._hit(document, "components", "component", key, start, word)
+            for document, key in self.components_of(scope, words[: depth + 1], index):
+                yield self._hit(document, "components", key, start, word)
 
-    def _hit(self, scope: DocumentNames, section: str, kind: str, key: str, start: int, word: str) -> Hit:
+    def _hit(self, scope: DocumentNames, section: str, key: str, start: int, word: str) -> Hit:
         stem = scope.starts_with_key(section, key, word)
-        return start, start + (len(key) if stem else len(word)), Name(kind, scope.path, key), "used" if stem else "fits"
+        return start, start + (len(key) if stem else len(word)), Name(section[:-1], scope.path, key), "used" if stem else "fits"
 
     def mount(self, scope: DocumentNames, text: str, index: str, kind: str) -> Iterator[Hit]:
         """Yield the names to which a reference `component.mount` refers.
@@ -218,7 +218,7 @@ class NameReader:
             return
         yield from self.components(scope, words, index)
         has_mount = False
-        owners = self.components_of(scope, [word for _, word in words], index)
+        owners = self.components_of(scope, words, index)
         for owner, key in owners:
             for hit in _shift_hits(start, self.of_component(owner, key, last, index)):
                 has_mount = True
@@ -266,13 +266,13 @@ class NameReader:
             return
         owners = [scope]
         if words:
-            components = self.components_of(scope, [word for _, word in words], index)
+            components = self.components_of(scope, words, index)
             owners = [inner for document, key in components if (inner := self.find_nested(document, key)) is not None]
         keys = [(owner, key) for owner in owners for key in owner.matching_keys("joints", last, index)]
         if keys:
             yield from self.components(scope, words, index)
             for owner, key in keys:
-                yield self._hit(owner, "joints", "joint", key, start, last)
+                yield self._hit(owner, "joints", key, start, last)
 
     def joints(self, scope: DocumentNames, text: str, index: str) -> Iterator[Hit]:
         """Yield the joints that a name or a pattern matches. In a pattern, `*` also matches dots."""
@@ -287,7 +287,7 @@ class NameReader:
             if len(words) == len(chain) and all(step[0].matching_keys(step[1], word) for step, (_, word) in zip(chain, words, strict=True)):
                 for (document, section, key), (start, word) in zip(chain, words, strict=True):
                     if key in document.matching_keys(section, word):
-                        yield self._hit(document, section, section[:-1], key, start, word)
+                        yield self._hit(document, section, key, start, word)
             else:
                 for document, section, key in chain:
                     yield 0, len(text), Name(section[:-1], document.path, key), "fits"
@@ -385,7 +385,7 @@ class NameReader:
         elif path[0] in ("components", "joints") and len(path) == 2:
             section = str(path[0])
             for entry in self.source.matching_keys(section, text) or ([text] if text in self.source.section(section) else []):
-                yield self._hit(self.source, section, section[:-1], entry, 0, text)
+                yield self._hit(self.source, section, entry, 0, text)
         elif node_at(self.source.document.tree, path) is not None:
             yield 0, len(text), self.declared_name(names.kind, text, path), "used"
 
@@ -419,8 +419,9 @@ class NameReader:
         """Yield the names in the path of an element in output files, such as `hand/finger`."""
         kind = referenced_element(path) or "" if path[2] == "add" else str(path[2])
         dotted = text.replace("/", ".")
-        words = _split_words(dotted)
         candidates: list[list[Hit]] = []
+        if kind == "default":
+            return
         if kind in (sections := {"key": "pose", "sensor": "sensor", "camera": "sensor", "tendon": "tendon", "actuator": "tendon"}):
             candidates.append(list(self.in_section(scope, sections[kind], text)))
         if kind == "material":
@@ -428,11 +429,9 @@ class NameReader:
         if kind not in ("joint", "actuator"):
             candidates.append(list(self.in_section(scope, "link", text)))
             candidates.append(list(self.mount(scope, dotted, "", "mount or export")) if kind in ("site", "link", "object") else [])
-            candidates.append(list(self.components(scope, words, "")))
-        if kind != "default":
-            candidates.append(list(self.exact_joint(scope, dotted, "")))
-            candidates.append(list(self.exact_joint(scope, re.sub(r"_\d+$", "", dotted), "")))
-        yield from next((hits for hits in candidates if hits and kind != "default"), [])
+            candidates.append(list(self.components(scope, _split_words(dotted), "")))
+        candidates += list(self.exact_joint(scope, dotted, "")), list(self.exact_joint(scope, re.sub(r"_\d+$", "", dotted), ""))
+        yield from next(filter(None, candidates), [])
 
 
 def _item_names(chain: Sequence[tuple[DocumentNames, str, str]]) -> Iterator[str]:
