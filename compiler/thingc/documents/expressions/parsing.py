@@ -9,20 +9,8 @@ from msgspec.structs import replace
 
 from thingc.base.suggestions import Suggestion, did_you_mean
 from thingc.base.units import MAX_TEXT, NUMBER, UNITS, Quantity, UnitError, scan_number, scan_unit, shorten, to_si
-from thingc.documents.expressions.terms import (
-    COMPARISONS,
-    CONSTANTS,
-    FUNCTIONS,
-    MAX_DEPTH,
-    Binary,
-    Call,
-    Expression,
-    ExpressionError,
-    Literal,
-    NameUse,
-    Term,
-    Unary,
-)
+from thingc.documents.expressions import terms
+from thingc.documents.expressions.terms import Binary, Call, Expression, ExpressionError, Literal, NameUse, Term, Unary
 
 
 def parse_expression(text: str, *, dotted: bool = False) -> Expression:
@@ -97,11 +85,11 @@ class _Parser:
     def comparison(self) -> Term:
         left = self.sum()
         operator = self.peek()
-        if operator not in COMPARISONS:
+        if operator not in terms.COMPARISONS:
             return left
         self.index += len(operator)
         right = self.sum()
-        if self.peek() in COMPARISONS:
+        if self.peek() in terms.COMPARISONS:
             raise ExpressionError("comparisons cannot be chained", self.index, self.index + len(self.peek()), help="write two comparisons")
         return Binary(operator=operator, left=left, right=right, offset=left.offset, end=right.end)
 
@@ -144,8 +132,8 @@ class _Parser:
 
     def enter_level(self, offset: int) -> None:
         self.depth += 1
-        if self.depth > MAX_DEPTH:
-            raise ExpressionError(f"an expression may nest at most {MAX_DEPTH} levels", offset, len(self.text))
+        if self.depth > terms.MAX_DEPTH:
+            raise ExpressionError(f"an expression may nest at most {terms.MAX_DEPTH} levels", offset, len(self.text))
 
     def atom(self) -> Term:
         if self.peek() == "(":
@@ -165,7 +153,7 @@ class _Parser:
         offset, self.index = self.index, name.end()
         if self.peek() == "(":
             return self.call(name.group(), offset)
-        if name.group() in FUNCTIONS:
+        if name.group() in terms.FUNCTIONS:
             raise ExpressionError(
                 f"`{name.group()}` is a function: write its arguments in parentheses", offset, name.end(),
                 help=f"write `{name.group()}(...)`",
@@ -191,7 +179,7 @@ class _Parser:
         try:
             if unit_start.isalpha() or unit_start in ("%", "°", "_") and unit_start:
                 word = _NAME.match(self.text, unit_index)
-                if word is not None and word.group() in FUNCTIONS or unit_start == "_":
+                if word is not None and word.group() in terms.FUNCTIONS or unit_start == "_":
                     raise self.unexpected_token("an operator")
                 unit, self.index = scan_unit(self.text, unit_index, compact=True)
                 bare = False
@@ -204,11 +192,11 @@ class _Parser:
 
     def call(self, name: str, offset: int) -> Call:
         opened = self.index
-        if name not in FUNCTIONS:
-            exists = name in UNITS or name in CONSTANTS
+        if name not in terms.FUNCTIONS:
+            exists = name in UNITS or name in terms.CONSTANTS
             raise ExpressionError(
                 f"`{name}` is not a function" if exists else f"unknown function `{name}`", offset, offset + len(name), kind="name",
-                help=did_you_mean(name, FUNCTIONS, what="functions"),
+                help=did_you_mean(name, terms.FUNCTIONS, what="functions"),
             )
         self.index += 1
         self.enter_level(opened)
@@ -220,7 +208,7 @@ class _Parser:
                 arguments.append(self.comparison())
         self.close_parenthesis(opened)
         self.depth -= 1
-        minimum, maximum = FUNCTIONS[name]
+        minimum, maximum = terms.FUNCTIONS[name]
         if not minimum <= len(arguments) <= maximum:
             count = f"{minimum}" if minimum == maximum else f"{minimum} to {maximum}"
             arity = f"{count} argument{'' if count == '1' else 's'}"

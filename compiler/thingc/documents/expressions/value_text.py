@@ -9,7 +9,7 @@ from typing import Any
 
 from thingc.base import numeric
 from thingc.base.units import FREQUENCY, NUMBER, Quantity, Unit, UnitError, scan_unit, to_si
-from thingc.documents.expressions.evaluation import ExpressionValue, plain
+from thingc.documents.expressions.evaluation import ExpressionValue, format_value, plain
 
 
 def text_of(value: ExpressionValue, unit: str = "") -> str:
@@ -18,10 +18,8 @@ def text_of(value: ExpressionValue, unit: str = "") -> str:
     A quantity is formatted in `unit` (`95.5 mm`) if possible, otherwise in SI units (`0.0955 m`). A boolean is formatted as `true` or
     `false`. Strings are returned unchanged.
     """
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return value
+    if not isinstance(value, Quantity):
+        return format_value(value)
     number: Any = plain(value)
     if unit and (in_unit := _in_unit(value, unit)) is not None:
         return in_unit

@@ -6,7 +6,6 @@ feed.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import dropwhile
@@ -134,14 +133,10 @@ def gap(text: str, start: int, end: int, *, compact: bool = False) -> Trivia:
     return Trivia(comment=comment, lines=comment_lines)
 
 
-def tidy(lines: list[str | None]) -> list[str | None]:
-    """Return comment lines with at most one empty line in succession."""
-    return [line for index, line in enumerate(lines) if line is not None or index == 0 or lines[index - 1] is not None]
-
-
-def first_lines(lines: list[str | None]) -> list[str | None]:
-    """Return comment lines with at most one empty line in succession, and without empty lines at the beginning."""
-    return list(dropwhile(lambda line: line is None, tidy(lines)))
+def tidy(lines: list[str | None], *, first: bool = False) -> list[str | None]:
+    """Return comment lines with at most one empty line in succession. With `first`, empty lines at the beginning are omitted."""
+    tidied = [line for index, line in enumerate(lines) if line is not None or index == 0 or lines[index - 1] is not None]
+    return list(dropwhile(lambda line: line is None, tidied)) if first else tidied
 
 
 def indent_rest(text: str, by: int) -> str:
@@ -175,12 +170,3 @@ def alignments(entries: Sequence[tuple[int, int] | None]) -> list[int]:
         1 if own is None or all(other is None or other[1] != own[1] for other in (above, below)) else own[0]
         for above, own, below in zip(padded, entries, padded[2:], strict=False)
     ]
-
-
-_PROPERTY = re.compile(r"&[^\s\[\]{},]+\s+")
-
-
-def body_of(text: str, start: int) -> int:
-    """Skip the YAML anchor (`&name`) at the index `start`, if any, and return the index of the first character of the value."""
-    match = _PROPERTY.match(text, start)
-    return match.end() if match is not None else start

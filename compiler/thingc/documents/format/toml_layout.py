@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from thingc.documents.format.flow_style import Inline, canonical_order, shape_below, shape_for
-from thingc.documents.format.segments import EndComment, Item, Segment, UnsupportedStyle, alignments, append_comment, first_lines, gap, tidy
+from thingc.documents.format.segments import EndComment, Item, Segment, UnsupportedStyle, alignments, append_comment, gap, tidy
 from thingc.documents.load.toml_tree import TomlSyntax
 from thingc.documents.spec.annotation_types import FieldType
 
@@ -99,7 +99,7 @@ def _head_comments(sections: list[_Statement]) -> list[str | None]:
     first_statement = next((s for section in sections for s in (section, *section.pairs) if s.end), None)
     if first_statement is None:
         return []
-    lines = first_lines(first_statement.leading)
+    lines = tidy(first_statement.leading, first=True)
     cut = max((index for index, line in enumerate(lines) if line is None or line.startswith("#:schema")), default=-1) + 1
     first_statement.leading = lines[cut:]
     return lines[:cut]
@@ -110,12 +110,12 @@ def _section(section: _Statement, text: str, names: _Names, first: bool) -> list
     lines: list[str] = []
     if section.end:
         lines.extend([] if first else [""])
-        lines.extend(line or "" for line in first_lines(section.leading))
+        lines.extend(line or "" for line in tidy(section.leading, first=True))
         lines.append(append_comment(f"[{text[slice(*section.key)].strip()}]", section.comment))
     pairs = sorted(section.pairs, key=lambda pair: names.rank((*section.path, *pair.path)))
     inline = Inline(text, " = ")
     for index, (pair, spaces) in enumerate(zip(pairs, _alignment(pairs, text), strict=True)):
-        lines.extend(line or "" for line in (tidy(pair.leading) if index else first_lines(pair.leading)))
+        lines.extend(line or "" for line in tidy(pair.leading, first=index == 0))
         assert pair.value is not None
         shape = names.table_at((*section.path, *pair.path)).shape
         pair_lines = f"{text[slice(*pair.key)]}{' ' * spaces}= {inline.value(pair.value, shape, 0)}".split("\n")

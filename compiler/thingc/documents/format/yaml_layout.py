@@ -6,24 +6,13 @@ import re
 from typing import Any
 
 from thingc.documents.format.flow_style import Inline, order_of, outline, shape_below, shape_for
-from thingc.documents.format.segments import (
-    Item,
-    Segment,
-    Trivia,
-    UnsupportedStyle,
-    alignments,
-    append_comment,
-    body_of,
-    first_lines,
-    gap,
-    indent_rest,
-    tidy,
-)
+from thingc.documents.format.segments import Item, Segment, Trivia, UnsupportedStyle, alignments, append_comment, gap, indent_rest, tidy
 from thingc.documents.spec.annotation_types import FieldType
 
 _COLON = re.compile(r"[ \t]*:(?=\s|$)")
 _FLOW_COLON = re.compile(r"[ \t]*:[ \t]*")
 _BLOCK_ANCHOR = re.compile(r"&\S+")
+_ANCHOR = re.compile(r"&[^\s\[\]{},]+\s+")
 
 
 def cut_yaml(text: str) -> tuple[Segment, int, list[str | None]]:
@@ -67,23 +56,28 @@ class _Cutter:
         if kind == "ScalarEvent":
             if event.style in ("|", ">"):
                 end = self.block_end(start, end)
-            return Segment(kind="scalar", start=start, end=end, body=body_of(self.text, start), anchors=anchors)
+            return Segment(kind="scalar", start=start, end=end, body=self.body_of(start), anchors=anchors)
         if kind == "MappingStartEvent":
             return self.mapping(event, anchors)
         return self.sequence(event, anchors)
+
+    def body_of(self, start: int) -> int:
+        """Skip the anchor (`&name`) at the index `start`, if any, and return the index of the first character of the value."""
+        match = _ANCHOR.match(self.text, start)
+        return match.end() if match is not None else start
 
     def block_end(self, start: int, end: int) -> int:
         """Return the end of the last non-empty line of a block scalar."""
         block_text = self.text[start:end]
         header, _, rest = block_text.partition("\n")
-        header = header.partition("#")[0]
-        if "+" in header or (end == len(self.text) and not block_text.endswith("\n") and "-" not in header):
+        marks = header.partition("#")[0]
+        if "+" in marks or (end == len(self.text) and not block_text.endswith("\n") and "-" not in marks):
             raise UnsupportedStyle  # trailing line breaks are part of the value
         lines = rest.split("\n")
         indents = [len(line) - len(line.lstrip(" ")) for line in lines if line.strip(" ")]
         while lines and not lines[-1].strip(" ") and len(lines[-1]) <= min(indents, default=len(lines[-1])):
             lines.pop()
-        return start + len("\n".join([block_text.partition("\n")[0], *lines]))
+        return start + len("\n".join([header, *lines]))
 
     def mapping(self, event: Any, anchors: frozenset[str]) -> Segment:
         items: list[Item] = []
@@ -122,7 +116,7 @@ class _Cutter:
         return piece
 
     def collection(self, kind: str, start: int, last: Any, items: list[Item], anchors: frozenset[str], flow: bool) -> Segment:
-        body = body_of(self.text, start)
+        body = self.body_of(start)
         own_anchors = anchors
         for item in items:
             anchors |= item.value.anchors
@@ -283,7 +277,7 @@ def yaml_layout(text: str, shape: FieldType | None) -> str:
     lines: list[str] = []
     if start:
         lines.extend(line.rstrip() for line in text[:start].split("\n"))
-    lines.extend(line or "" for line in first_lines(head))
+    lines.extend(line or "" for line in tidy(head, first=True))
     if root.flow:
         lines.extend(printer.inline.value(root, shape, 0).split("\n"))
         lines.extend(_indent_comments(root.trailing, 0))
@@ -307,13 +301,9 @@ class _Printer:
         spaces = self.alignment(items)
         lines: list[str] = []
         for index, item in enumerate(items):
-            if index == 0:
-                leading = first_lines(item.leading)
-            elif top and items[index - 1].value.block:
-                leading = [None, *first_lines(item.leading)]
-            else:
-                leading = tidy(item.leading)
-            lines.extend(_indent_comments(leading, indent))
+            after_block = top and index > 0 and items[index - 1].value.block
+            leading = tidy(item.leading, first=index == 0 or after_block)
+            lines.extend(_indent_comments([None, *leading] if after_block else leading, indent))
             lines.extend(self.entry(item, shape, indent, piece.column, spaces[index]))
         return [*lines, *_indent_comments(tidy(piece.trailing), indent)]
 
@@ -373,7 +363,7 @@ class _Printer:
         shape = shape_for(shape, outline(piece))
         lines: list[str] = []
         for index, item in enumerate(piece.items):
-            lines.extend(_indent_comments(tidy(item.leading) if index else first_lines(item.leading), indent))
+            lines.extend(_indent_comments(tidy(item.leading, first=index == 0), indent))
             lines.extend(self.list_item(item, shape_below(shape, None), indent, piece.column))
         return [*lines, *_indent_comments(tidy(piece.trailing), indent)]
 

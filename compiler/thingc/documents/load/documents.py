@@ -16,18 +16,9 @@ from thingc.base.safe_text import find_invisible
 from thingc.base.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span, entries_of
 from thingc.base.suggestions import did_you_mean, near_hint, nearest
 from thingc.base.units import shorten
+from thingc.documents.load import paths
 from thingc.documents.load.discovery import find_packaged, is_packaged
-from thingc.documents.load.paths import (
-    CATALOG_SUFFIXES,
-    DOCUMENT_SUFFIXES,
-    MESH_SUFFIXES,
-    PART_SUFFIXES,
-    PICTURE_SUFFIXES,
-    find_file,
-    libraries,
-    refuse_name,
-    resolve_path,
-)
+from thingc.documents.load.paths import CATALOG_SUFFIXES, DOCUMENT_SUFFIXES
 from thingc.documents.load.text import MAX_ALL_BYTES, MAX_BYTES, MAX_FAULTS, decode
 
 if TYPE_CHECKING:
@@ -83,7 +74,7 @@ def load(
         )
         return None
     if find_invisible(workspace.relative(path)):
-        refuse_name(workspace.relative(path), None, report)
+        paths.refuse_name(workspace.relative(path), None, report)
         return None
     reader = _Reader(workspace, report, texts, memo)
     root = reader.read(path)
@@ -214,10 +205,10 @@ class _Reader:
     def find(self, text: str, document: Document, where: Span | None, kind: str) -> str | None:
         """Return the absolute path of a file of a kind in `_REFERENCED` that a document references (see `find_file`)."""
         description, suffixes = _REFERENCED[kind]
-        resolved = resolve_path(text, document.path)
+        resolved = paths.resolve_path(text, document.path)
         if resolved is not None and self.workspace.contains(resolved):
             self.files.add(resolved)
-        return find_file(
+        return paths.find_file(
             text, relative_to=document.path, where=where, workspace=self.workspace, suffixes=suffixes, what=description, report=self.report,
         )
 
@@ -284,7 +275,7 @@ class _Reader:
             if key in ("file", "mesh", "picture"):
                 path = self.find(text, document, where, key)
                 if key == "mesh" and path is not None:
-                    self.files.update(os.path.join(os.path.dirname(path), name) for name in libraries(path))
+                    self.files.update(os.path.join(os.path.dirname(path), name) for name in paths.libraries(path))
             elif (referenced := self.read_referenced(document, text, where, key)) is None:
                 continue
             elif key == "assembly":
@@ -413,6 +404,7 @@ def _items(node: Node | None) -> tuple[Node, ...]:
 _REFERENCED = {
     "assembly": ("an assembly document", DOCUMENT_SUFFIXES), "materials": ("a materials document", DOCUMENT_SUFFIXES),
     "catalog": ("a catalogue", CATALOG_SUFFIXES), "motion": ("a CSV file of a motion", CATALOG_SUFFIXES),
-    "file": ("a part file", PART_SUFFIXES), "mesh": ("a mesh file", MESH_SUFFIXES), "picture": ("a picture", PICTURE_SUFFIXES),
+    "file": ("a part file", paths.PART_SUFFIXES), "mesh": ("a mesh file", paths.MESH_SUFFIXES),
+    "picture": ("a picture", paths.PICTURE_SUFFIXES),
 }
 """The kinds of documents and files that a document can reference, with a description and the possible file extensions."""

@@ -95,14 +95,14 @@ def _in_raw(node: MappingNode, path: Path) -> Iterator[NameOccurrence]:
     for kind, elements in node.entries.items():
         if kind in ("add", "order"):
             for value_path, value in walk(elements, (*path, kind)):
-                if isinstance(value, ScalarNode) and isinstance(value.value, str) and (kind == "order" or referenced_element(value_path)):
+                if isinstance(value, ScalarNode) and isinstance(value.value, str) and (kind == "order" or referenced_kind(value_path)):
                     yield NameOccurrence(path=value_path, key=False, text=value.value, names=RefersTo("raw"))
             continue
         for name in entries_of(elements):
             yield NameOccurrence(path=(*path, kind, name), key=True, text=name, names=RefersTo("raw"))
 
 
-def referenced_element(path: Path) -> str | None:
+def referenced_kind(path: Path) -> str | None:
     """Return the type of the MuJoCo element that is named by the attribute at `path`, inside an element under `raw: {mjcf: {add: ...}}`.
 
     The type is `joint`, `site`, `body`, or `object` for any element. Return None if the attribute does not name an element.

@@ -15,15 +15,7 @@ from thingc.base.source import MappingNode, Path, ScalarNode, entries_of, node_a
 from thingc.documents.expressions.parsing import parse_expression
 from thingc.documents.expressions.terms import ExpressionError
 from thingc.documents.load.paths import resolve_path
-from thingc.documents.names.document_names import (
-    GLOB,
-    SPECIAL,
-    DocumentNames,
-    NameOccurrence,
-    pattern_of,
-    referenced_element,
-    setting_words,
-)
+from thingc.documents.names.document_names import GLOB, SPECIAL, DocumentNames, NameOccurrence, pattern_of, referenced_kind, setting_words
 from thingc.documents.names.part_names import Name, NamePlace, PartClass, PartNames, Role
 from thingc.documents.spec.name_types import DeclaresName, ReferenceKind, RefersTo
 
@@ -417,7 +409,7 @@ class NameReader:
 
     def raw(self, scope: DocumentNames, text: str, path: Path) -> Iterator[Hit]:
         """Yield the names in the path of an element in output files, such as `hand/finger`."""
-        kind = referenced_element(path) or "" if path[2] == "add" else str(path[2])
+        kind = referenced_kind(path) or "" if path[2] == "add" else str(path[2])
         dotted = text.replace("/", ".")
         candidates: list[list[Hit]] = []
         if kind == "default":

@@ -10,71 +10,17 @@ from pydantic_core import PydanticCustomError
 from thingc.base.joints.kinds import JointType
 from thingc.base.suggestions import Suggestion
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT
+from thingc.documents.spec import fields, name_types
 from thingc.documents.spec.allowances import Allow, allow
 from thingc.documents.spec.base import Model, given_keys, require_with, rule
 from thingc.documents.spec.catalog import QuantityText
 from thingc.documents.spec.drives import DriveSpec, DynamicsSpec
-from thingc.documents.spec.fields import (
-    AngleField,
-    AnyQuantityField,
-    CostField,
-    CountField,
-    EffortField,
-    FieldValidator,
-    Index,
-    JointValueField,
-    LengthField,
-    LinkField,
-    MassField,
-    MultiplierField,
-    Name,
-    NumberField,
-    OmittedField,
-    SpeedField,
-    Vector3Angle,
-    Vector3Length,
-    describe,
-    fault,
-    raise_all,
-    within,
-)
 from thingc.documents.spec.interfaces import InterfaceSpec
 from thingc.documents.spec.link_shapes import Collision, CollisionSpec, ShapeSpec
 from thingc.documents.spec.mass import CentreOfMassSpec, InertiaMatrix, InertiaSpec, MassSpec
 from thingc.documents.spec.materials import MaterialSpec, ProcessSpec
 from thingc.documents.spec.modes import ModeSpec, SimulationSpec
 from thingc.documents.spec.motions import MotionFileSpec, MotionPoseSpec
-from thingc.documents.spec.name_types import (
-    AssemblyDocument,
-    ComponentField,
-    CoordinateField,
-    JointKey,
-    MaterialField,
-    MaterialsDocument,
-    MountField,
-    NestedMode,
-    NestedParameter,
-    NewComponent,
-    NewExport,
-    NewJoint,
-    NewLink,
-    NewMaterial,
-    NewMode,
-    NewMotion,
-    NewMount,
-    NewParameter,
-    NewPose,
-    NewSensor,
-    NewTendon,
-    NewTest,
-    NewTransmission,
-    OwnMountField,
-    OwnMountKey,
-    PartField,
-    PartParameter,
-    PoseValueField,
-    RefersTo,
-)
 from thingc.documents.spec.names import NamesSpec
 from thingc.documents.spec.patterns import raw_schema
 from thingc.documents.spec.poses import PoseSpec
@@ -91,7 +37,7 @@ def _raw(value: Any) -> Any:
     """Validate an attribute for a target: a scalar, a list of scalars, or a mapping of these."""
     wrong: list[PydanticCustomError] = []
     validated = _validate_raw(value, (), wrong)
-    raise_all(wrong)
+    fields.raise_all(wrong)
     return validated
 
 
@@ -102,14 +48,17 @@ def _validate_raw(value: Any, path: tuple[str | int, ...], wrong: list[PydanticC
     if isinstance(value, list) and any(isinstance(entry, dict) for entry in value):  # added elements
         return [_validate_raw(entry, (*path, number), wrong) for number, entry in enumerate(value)]
     if not all(entry is None or isinstance(entry, (str, int, float)) for entry in scalars):  # null values are reported for every key
-        error = fault("type", f"expected {_RAW_TEXT}, found {describe(value)}")
-        wrong.append(within(error, path) if path else error)
+        error = fields.fault("type", f"expected {_RAW_TEXT}, found {fields.describe(value)}")
+        wrong.append(fields.within(error, path) if path else error)
     return value
 
 
 _RAW_SCHEMA = {"description": "Attributes by path.", "examples": [{"joint": {"yaw": {"solreflimit": "0.01 1"}}}], **raw_schema(6)}
 
-RawField = Annotated[Union[str, int, float, bool, list[Any], dict[str, Any]], FieldValidator(_raw, _RAW_TEXT, _RAW_SCHEMA), RefersTo("raw")]
+RawField = Annotated[
+    Union[str, int, float, bool, list[Any], dict[str, Any]], fields.FieldValidator(_raw, _RAW_TEXT, _RAW_SCHEMA),
+    name_types.RefersTo("raw"),
+]
 
 
 FILE_SPECIFIES_UNIT = "STEP, 3MF and glTF files specify their unit"
@@ -118,11 +67,11 @@ FILE_SPECIFIES_UNIT = "STEP, 3MF and glTF files specify their unit"
 class ParameterSpec(Model):
     """A parameter in long form: its default value, and the range of values that a variant or a parent assembly can set."""
 
-    value: AnyQuantityField
+    value: fields.AnyQuantityField
     """The default value."""
-    min: AnyQuantityField | None = None
+    min: fields.AnyQuantityField | None = None
     """The smallest allowed value, with the same physical dimension."""
-    max: AnyQuantityField | None = None
+    max: fields.AnyQuantityField | None = None
     """The largest allowed value, with the same physical dimension."""
     doc: str = Field(default="", examples=["servo axis to servo axis"])
     """A one-line description."""
@@ -147,13 +96,13 @@ class BomSpec(Model):
     """Order number or drawing number."""
     supplier: str | None = Field(default=None, examples=["ROBOTIS"])
     """Supplier."""
-    cost: CostField | dict[QuantityText, CostField] | None = Field(
+    cost: fields.CostField | dict[QuantityText, fields.CostField] | None = Field(
         default=None, examples=["12.50 EUR", {"1": "12.50 EUR", "10": "9.80 EUR"}],
     )
     """Price per piece, or prices by the smallest quantity for which they apply."""
     make: Literal["buy", "print", "machine"] | None = None
     """Whether the component is bought, printed or machined. Bought components do not get a print file."""
-    link: LinkField | None = None
+    link: fields.LinkField | None = None
     """Web page of the part."""
     picture: str | None = Field(default=None, examples=["pictures/xm430.png"])
     """Picture of the part: PNG, JPEG, WebP or SVG, relative to this document."""
@@ -170,7 +119,7 @@ class ComponentBomSpec(BomSpec):
 class PrintSpec(Model):
     """Print settings of a part."""
 
-    up: Literal["auto"] | Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(
+    up: Literal["auto"] | Annotated[list[fields.NumberField], Field(min_length=3, max_length=3)] | None = Field(
         default=None, examples=[[0, 0, 1], [0, -1, 0], "auto"],
     )
     """The direction away from the bed, in the part's axes, or `auto` for the least support; default: `[0, 0, 1]`."""
@@ -179,30 +128,32 @@ class PrintSpec(Model):
 class AtSpec(PoseSpec):
     """The placement of a component by a pose: the pose of the component's frame in another frame, without a mate."""
 
-    in_: MountField = Field(alias="in", description="The frame: a mount, or a component's `origin`.")
+    in_: name_types.MountField = Field(alias="in", description="The frame: a mount, or a component's `origin`.")
 
 
 class AttachSpec(Model):
     """A rigid mate between a mount of the component and another mount, in its long form with all keys."""
 
-    mount: OwnMountField
+    mount: name_types.OwnMountField
     """A mount of this component."""
-    to: MountField
+    to: name_types.MountField
     """The mount to which the component is attached."""
-    turn: AngleField | None = None
+    turn: fields.AngleField | None = None
     """A constant rotation about the z axis of the mount `to`."""
-    gap: LengthField | None = None
+    gap: fields.LengthField | None = None
     """A constant distance along the z axis of the mount `to`."""
 
 
 class ComponentDefaults(Model):
     """Defaults for all components of this document (`defaults: component:`)."""
 
-    material: MaterialField | None = Field(default=None, examples=["petg"])
+    material: name_types.MaterialField | None = Field(default=None, examples=["petg"])
     """A material that this document can use."""
-    mass: MassSpec | MassField | None = Field(default=None, examples=["57.2 g", {"value": "57.2 g", "source": "measured"}])
+    mass: MassSpec | fields.MassField | None = Field(default=None, examples=["57.2 g", {"value": "57.2 g", "source": "measured"}])
     """The mass, which replaces the mass from the part and its material."""
-    com: CentreOfMassSpec | Vector3Length | None = Field(default=None, examples=["0 0 12 mm", {"value": "0 0 12 mm", "source": "vendor"}])
+    com: CentreOfMassSpec | fields.Vector3Length | None = Field(
+        default=None, examples=["0 0 12 mm", {"value": "0 0 12 mm", "source": "vendor"}],
+    )
     """The centre of mass, in the frame of the component."""
     inertia: InertiaSpec | InertiaMatrix | None = Field(
         default=None, examples=[{"ixx": "2e-5 kg*m^2", "iyy": "2e-5 kg*m^2", "izz": "3e-5 kg*m^2"}],
@@ -255,11 +206,11 @@ class ComponentSpec(ComponentDefaults):
 
     model_config = ConfigDict(json_schema_extra=_component_rules)
 
-    part: PartField | None = Field(default=None, examples=["arm:BasePlate", "thingc_stock.dynamixel:XM430"])
+    part: name_types.PartField | None = Field(default=None, examples=["arm:BasePlate", "thingc_stock.dynamixel:XM430"])
     """The class of a part, as `module:Class`."""
     file: str | None = Field(default=None, examples=["parts/motor.step"])
     """The file of a part: STEP, BREP, STL, 3MF or OBJ, relative to this document."""
-    assembly: AssemblyDocument | None = Field(default=None, examples=["end_effector.yaml"])
+    assembly: name_types.AssemblyDocument | None = Field(default=None, examples=["end_effector.yaml"])
     """Another assembly document, relative to this one."""
     link: Literal[True] | None = None
     """A component whose geometry is listed under `shapes`, and whose mass is specified."""
@@ -269,25 +220,25 @@ class ComponentSpec(ComponentDefaults):
     """The visual and collision shapes of a link."""
     unit: Literal["um", "mm", "cm", "m", "in", "ft"] | None = None
     """The unit of length in an STL, OBJ or BREP file, because these formats do not specify the unit; default: mm."""
-    faces: CountField | None = Field(default=None, examples=[5000])
+    faces: fields.CountField | None = Field(default=None, examples=[5000])
     """The largest number of triangles in meshes for simulators. Print files, masses and STEP files use the full geometry."""
-    params: dict[PartParameter, AnyQuantityField] = Field(default={}, examples=[{"length": "120 mm", "holes": 4}])
+    params: dict[name_types.PartParameter, fields.AnyQuantityField] = Field(default={}, examples=[{"length": "120 mm", "holes": 4}])
     """Values for parameters of the part, by name."""
-    parameters: dict[NestedParameter, AnyQuantityField] = Field(default={}, examples=[{"pen_diameter": "15 mm"}])
+    parameters: dict[name_types.NestedParameter, fields.AnyQuantityField] = Field(default={}, examples=[{"pen_diameter": "15 mm"}])
     """Values for parameters of the nested assembly, by name."""
-    attach: Annotated[AttachSpec | dict[OwnMountKey, MountField] | None, Field(union_mode="left_to_right")] = Field(
+    attach: Annotated[AttachSpec | dict[name_types.OwnMountKey, name_types.MountField] | None, Field(union_mode="left_to_right")] = Field(
         default=None, examples=[{"back": "plate.servo_seat"}, {"mount": "back", "to": "plate.servo_seat", "turn": "90 deg"}],
     )
     """The rigid mate that places the component: `{my_mount: other.mount}`, or the long form with all keys."""
     at: AtSpec | None = Field(default=None, examples=[{"in": "bracket.board", "xyz": "0 0 4 mm"}])
     """Placement by a pose in another frame."""
-    mode: NestedMode | None = Field(default=None, examples=["bench"])
+    mode: name_types.NestedMode | None = Field(default=None, examples=["bench"])
     """A mode of the nested assembly: its root is placed `at` the pose and moves as the base of the mode."""
     keep: bool = False
     """Whether the component starts a separate link, which a fixed joint connects to its neighbour; only with `attach` or `at`."""
-    mounts: dict[NewMount, MountSpec] = Field(default={}, examples=[{"shaft": {"xyz": "0 0 20 mm", "rpy": "180 0 0 deg"}}])
+    mounts: dict[name_types.NewMount, MountSpec] = Field(default={}, examples=[{"shaft": {"xyz": "0 0 20 mm", "rpy": "180 0 0 deg"}}])
     """Mounts that this document adds to the component, by name."""
-    detail: list[Name] = Field(default=[], examples=[["fasteners"]])
+    detail: list[fields.Name] = Field(default=[], examples=[["fasteners"]])
     """Levels of detail to which the component belongs. Simulation models omit its shapes if `detail` of the document lists a level."""
     mirror: Literal["x", "y", "z"] | None = None
     """Mirrors the part, or the whole nested assembly, at the plane normal to this axis of its frame."""
@@ -345,15 +296,15 @@ class ComponentSpec(ComponentDefaults):
 class LimitSpec(Model):
     """Position limits of a joint, and limits of effort and velocity."""
 
-    lower: JointValueField | None = None
+    lower: fields.JointValueField | None = None
     """The smallest position of the joint."""
-    upper: JointValueField | None = None
+    upper: fields.JointValueField | None = None
     """The largest position of the joint."""
-    effort: EffortField | None = None
+    effort: fields.EffortField | None = None
     """Largest torque or force of the joint; default: from the drive."""
-    velocity: SpeedField | None = None
+    velocity: fields.SpeedField | None = None
     """Largest speed of the joint; default: from the drive."""
-    cone: AngleField | None = None
+    cone: fields.AngleField | None = None
     """The largest rotation of a ball joint, about any axis. A ball joint has no other position limit."""
 
 
@@ -364,13 +315,13 @@ class MimicSpec(Model):
         "if": {"required": ["polynomial"]}, "then": {"properties": {key: {"not": {}} for key in ("multiplier", "offset")}},
     })
 
-    joint: CoordinateField
+    joint: name_types.CoordinateField
     """A joint of this document."""
-    multiplier: MultiplierField = 1  # type: ignore[assignment]
+    multiplier: fields.MultiplierField = 1  # type: ignore[assignment]
     """Ratio of the motion of this joint to the motion of the other joint; default: 1."""
-    offset: JointValueField = 0  # type: ignore[assignment]
+    offset: fields.JointValueField = 0  # type: ignore[assignment]
     """Position of this joint when the other joint is at 0; default: 0."""
-    polynomial: Annotated[list[AnyQuantityField], Field(min_length=2, max_length=5)] | None = Field(
+    polynomial: Annotated[list[fields.AnyQuantityField], Field(min_length=2, max_length=5)] | None = Field(
         default=None, examples=[["10 deg", 1, "0.2 rad^-1"]],
     )
     """Coefficients of a polynomial in q(joint), in ascending order up to at most the fourth power; replaces `multiplier` and `offset`."""
@@ -383,22 +334,25 @@ class MimicSpec(Model):
                 )
 
 
+DriveValue = DriveSpec | name_types.ComponentField
+
+
 class JointDefaults(Model):
     """Defaults for all joints of this document (`defaults: joint:`)."""
 
-    limit: LimitSpec | list[LimitSpec] | dict[Index, LimitSpec] | None = Field(
+    limit: LimitSpec | list[LimitSpec] | dict[fields.Index, LimitSpec] | None = Field(
         default=None, examples=[{"lower": "-90 deg", "upper": "90 deg"}, {"lower": 0, "upper": "20 mm"}],
     )
     """The limits of the joint; a list for a joint with several coordinates."""
-    dynamics: DynamicsSpec | list[DynamicsSpec] | dict[Index, DynamicsSpec] | None = Field(
+    dynamics: DynamicsSpec | list[DynamicsSpec] | dict[fields.Index, DynamicsSpec] | None = Field(
         default=None, examples=[{"damping": "0.02 N*m*s/rad", "friction": "0.05 N*m"}],
     )
     """The passive dynamics of the joint; a list for a joint with several coordinates."""
-    turn: AngleField | None = None
+    turn: fields.AngleField | None = None
     """A constant rotation about the z axis of the parent mount (or about `axis`), before the motion."""
-    gap: LengthField | None = None
+    gap: fields.LengthField | None = None
     """A constant distance along the z axis of the parent mount (or along `axis`)."""
-    drive: DriveSpec | ComponentField | list[DriveSpec | ComponentField] | dict[Index, DriveSpec | ComponentField] | None = Field(
+    drive: DriveValue | list[DriveValue] | dict[fields.Index, DriveValue] | None = Field(
         default=None, examples=["yaw_servo", {"kind": "position", "kp": "20 N*m/rad", "effort": "4 N*m"}],
     )
     """The drive of the joint: a component that is an actuator, or an inline actuator."""
@@ -409,19 +363,21 @@ class JointSpec(JointDefaults):
 
     type: JointType
     """The kind of joint: `revolute` rotates within limits, `continuous` without limits, `prismatic` translates, `screw` does both."""
-    parent: MountField
+    parent: name_types.MountField
     """The parent mount: `component.mount`."""
-    child: MountField
+    child: name_types.MountField
     """The child mount. The joint places the component of this mount."""
-    axis: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[0, 1, 0]])
+    axis: Annotated[list[fields.NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[0, 1, 0]])
     """The axis of motion, in the parent mount's frame. With an `axis`, the mounts coincide at q = 0 instead of facing each other."""
-    offset: JointValueField | list[JointValueField] | dict[Index, JointValueField] | None = Field(default=None, examples=["30 deg"])
+    offset: fields.JointValueField | list[fields.JointValueField] | dict[fields.Index, fields.JointValueField] | None = Field(
+        default=None, examples=["30 deg"],
+    )
     """The position of the joint at q = 0, which is added to q."""
     reverse: bool = False
     """Whether the joint moves in the opposite direction of its axis."""
-    lead: LengthField | None = Field(default=None, examples=["8 mm", "-2 mm"])
+    lead: fields.LengthField | None = Field(default=None, examples=["8 mm", "-2 mm"])
     """For a `screw`, the advance per turn; negative for a left-hand thread."""
-    mimic: MimicSpec | list[MimicSpec] | dict[Index, MimicSpec] | None = Field(
+    mimic: MimicSpec | list[MimicSpec] | dict[fields.Index, MimicSpec] | None = Field(
         default=None, examples=[{"joint": "left_jaw", "multiplier": -1}],
     )
     """The joint that this joint mimics: q = multiplier * q(joint) + offset."""
@@ -444,8 +400,8 @@ class DefaultsSpec(Model):
     """Defaults of joints."""
 
     def _check_rules(self) -> None:
-        said = self.component.collision if self.component is not None else None
-        choices = (said, *said.by_target.values()) if isinstance(said, CollisionSpec) else ()
+        collision = self.component.collision if self.component is not None else None
+        choices = (collision, *collision.by_target.values()) if isinstance(collision, CollisionSpec) else ()
         if any(choice.shapes for choice in choices if not isinstance(choice, str)):
             raise rule("`shapes` cannot be a default, because they are in the frame of one part", "list the shapes at the component")
 
@@ -455,11 +411,13 @@ class TurnSpec(Model):
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "not": {"required": ["rpy", "quat"]}})
 
-    xyz: Vector3Length | None = None
+    xyz: fields.Vector3Length | None = None
     """The position of a free joint, in the parent mount's axes."""
-    rpy: Vector3Angle | None = None
+    rpy: fields.Vector3Angle | None = None
     """Extrinsic roll, pitch, yaw in the parent mount's axes, as in URDF."""
-    quat: Annotated[list[NumberField], Field(min_length=4, max_length=4)] | None = Field(default=None, examples=[[0.966, 0.259, 0, 0]])
+    quat: Annotated[list[fields.NumberField], Field(min_length=4, max_length=4)] | None = Field(
+        default=None, examples=[[0.966, 0.259, 0, 0]],
+    )
     """The quaternion w, x, y, z, as in MJCF, of any length except 0."""
 
     def _check_rules(self) -> None:
@@ -467,18 +425,21 @@ class TurnSpec(Model):
             raise rule("the rotation of a ball must be either `rpy` or `quat`", "write, for example, `{rpy: 0 20 0 deg}`")
 
 
+PoseValue = name_types.PoseValueField | list[fields.JointValueField] | dict[fields.Index, fields.JointValueField] | TurnSpec
+
+
 class DetailSpec(Model):
     """The levels of detail that simulation models omit: `-fasteners`, or a list. Masses and inertias do not change."""
 
-    sim: OmittedField = Field(default=(), examples=["-fasteners", ["-fasteners", "-electronics"]])
+    sim: fields.OmittedField = Field(default=(), examples=["-fasteners", ["-fasteners", "-electronics"]])
     """Omitted in all simulation models."""
-    mjcf: OmittedField | None = Field(default=None, examples=["-fasteners"])
+    mjcf: fields.OmittedField | None = Field(default=None, examples=["-fasteners"])
     """Omitted in MuJoCo models, in place of `sim`."""
-    urdf: OmittedField | None = Field(default=None, examples=["-fasteners"])
+    urdf: fields.OmittedField | None = Field(default=None, examples=["-fasteners"])
     """Omitted in URDF files and ROS packages, in place of `sim`."""
-    sdf: OmittedField | None = Field(default=None, examples=["-fasteners"])
+    sdf: fields.OmittedField | None = Field(default=None, examples=["-fasteners"])
     """Omitted in SDF files, in place of `sim`."""
-    usd: OmittedField | None = Field(default=None, examples=["-fasteners"])
+    usd: fields.OmittedField | None = Field(default=None, examples=["-fasteners"])
     """Omitted in USD files, in place of `sim`."""
 
 
@@ -487,61 +448,63 @@ class AssemblySpec(Model):
 
     thingc: Literal["assembly/1"]
     """Kind and version of this document."""
-    name: Name
+    name: fields.Name
     """The name of the robot and of its build folder."""
     description: str = Field(default="", examples=["Four-axis pen-drawing arm."])
     """A one-line description."""
-    parameters: dict[NewParameter, ParameterSpec | AnyQuantityField] = Field(
+    parameters: dict[name_types.NewParameter, ParameterSpec | fields.AnyQuantityField] = Field(
         default={}, examples=[{"reach": {"value": "100 mm", "min": "60 mm", "max": "200 mm"}, "pen_diameter": "15 mm"}],
     )
     """Parameters, by name, whose values a variant or a parent assembly can set."""
-    materials: list[MaterialsDocument] | dict[NewMaterial, MaterialSpec] = Field(default=[], examples=[
+    materials: list[name_types.MaterialsDocument] | dict[name_types.NewMaterial, MaterialSpec] = Field(default=[], examples=[
         ["thingc_stock.materials"], ["materials.yaml"], {"petg": {"density": "1270 kg/m^3"}},
     ])
     """Materials that this document can use: definitions by name, or materials documents as paths or `package.document`."""
     catalog: str | None = Field(default=None, examples=["catalog.csv"])
     """Catalogue of bought parts: a CSV file with the columns `number`, `supplier`, `cost`, `quantity`, `link`, `picture`."""
     defaults: DefaultsSpec | None = Field(default=None, examples=[{"component": {"material": "petg"}}])
-    components: Annotated[dict[NewComponent, ComponentSpec], Field(min_length=1)] = Field(examples=[{"plate": {"part": "arm:BasePlate"}}])
+    components: Annotated[dict[name_types.NewComponent, ComponentSpec], Field(min_length=1)] = Field(
+        examples=[{"plate": {"part": "arm:BasePlate"}}],
+    )
     """Parts, nested assemblies and frames, by name."""
-    joints: dict[NewJoint, JointSpec] = Field(
+    joints: dict[name_types.NewJoint, JointSpec] = Field(
         default={}, examples=[{"yaw": {"type": "continuous", "parent": "servo.horn", "child": "bracket.seat"}}],
     )
     """Joints, by name."""
-    tendons: dict[NewTendon, TendonSpec] = Field(
+    tendons: dict[name_types.NewTendon, TendonSpec] = Field(
         default={}, examples=[{"grip": {"joints": {"left": "12 mm/rad", "right": "12 mm/rad"}, "drive": {"kind": "motor"}}}],
     )
     """Tendons, by name: sums of joint coordinates, or paths, along which drives and springs act."""
-    transmissions: dict[NewTransmission, TransmissionSpec] = Field(
+    transmissions: dict[name_types.NewTransmission, TransmissionSpec] = Field(
         default={}, examples=[{"knee": {"actuator": "motor_2", "joint": "knee", "ratio": 9, "efficiency": "85 %"}}],
     )
     """Transmissions, by name: gearboxes, belts and differentials between actuators and joints."""
-    links: dict[NewLink, ComponentField] = Field(default={}, examples=[{"base_link": "plate"}])
+    links: dict[name_types.NewLink, name_types.ComponentField] = Field(default={}, examples=[{"base_link": "plate"}])
     """Names of links, each with the component whose frame is the frame of the link."""
-    mounts: dict[NewExport, MountField] = Field(default={}, examples=[{"base": "plate.bottom", "tip": "hand.tip"}])
+    mounts: dict[name_types.NewExport, name_types.MountField] = Field(default={}, examples=[{"base": "plate.bottom", "tip": "hand.tip"}])
     """Mounts that this assembly exports to a parent assembly."""
-    poses: dict[NewPose, dict[JointKey, PoseValueField | list[JointValueField] | dict[Index, JointValueField] | TurnSpec]] = Field(
+    poses: dict[name_types.NewPose, dict[name_types.JointKey, PoseValue]] = Field(
         default={}, examples=[{"home": {"yaw": "30 deg", "leg_*.knee": "-90 deg"}}],
     )
     """Poses, by name: positions of joints. Joints that a pose does not set are at 0."""
-    motions: dict[NewMotion, Annotated[list[MotionPoseSpec], Field(min_length=2)] | MotionFileSpec] = Field(
+    motions: dict[name_types.NewMotion, Annotated[list[MotionPoseSpec], Field(min_length=2)] | MotionFileSpec] = Field(
         default={}, examples=[{"wave": [{"pose": "home", "time": 0}, {"pose": "reach", "time": "1.5 s"}], "log": {"file": "wave.csv"}}],
     )
     """Motions, by name: poses with times, between which the joints move with minimum jerk, or a CSV file."""
-    modes: dict[NewMode, ModeSpec] = Field(default={}, examples=[{"bench": {"root": "plate", "pose": "home"}}])
+    modes: dict[name_types.NewMode, ModeSpec] = Field(default={}, examples=[{"bench": {"root": "plate", "pose": "home"}}])
     """Modes, by name. Each mode is a simulation model; the first mode is the default."""
     detail: DetailSpec | None = Field(default=None, examples=[{"sim": "-fasteners"}])
     """Levels of detail that simulation models omit."""
-    order: list[ComponentField] = Field(default=[], examples=[["plate", "servo", "screw_*"]])
+    order: list[name_types.ComponentField] = Field(default=[], examples=[["plate", "servo", "screw_*"]])
     """The order in which assembly instructions add these components. Other components are added where they fit."""
     simulation: SimulationSpec | None = Field(default=None, examples=[{"timestep": "2 ms", "integrator": "implicitfast"}])
     raw: dict[str, RawField] = Field(default={}, examples=[{"mjcf": {"joint": {"yaw": {"solreflimit": "0.01 1"}}}}])
     """Attributes that are added to the output files of one target, by path. Only the target checks their values."""
-    sensors: dict[NewSensor, SensorSpec] = Field(default={}, examples=[{"imu": {"type": "imu", "at": "body.imu"}}])
+    sensors: dict[name_types.NewSensor, SensorSpec] = Field(default={}, examples=[{"imu": {"type": "imu", "at": "body.imu"}}])
     """Sensors, by name."""
     names: NamesSpec | None = Field(default=None, examples=[{"joints": {"joint_1": "1"}}])
     """Names in output files that differ from the names in this document."""
-    tests: dict[NewTest, TestSpec] = Field(default={}, examples=[{"light": {"mass": {"max": "2.2 kg"}}}])
+    tests: dict[name_types.NewTest, TestSpec] = Field(default={}, examples=[{"light": {"mass": {"max": "2.2 kg"}}}])
     """Tests of the robot, which `thingc test` runs."""
     allow: Allow = allow()
     """Suppressed warnings of this document, by code, each with a reason."""

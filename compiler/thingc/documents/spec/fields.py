@@ -19,19 +19,7 @@ from pydantic_core import PydanticCustomError, core_schema
 from thingc.base import units
 from thingc.base.one_line_repr import format_count
 from thingc.base.suggestions import Hint, Suggestion, near_hint
-from thingc.base.units import (
-    ANGLE,
-    LENGTH,
-    NUMBER,
-    Dimension,
-    Quantity,
-    UnitError,
-    check_dimension,
-    parse_quantity,
-    scan_number,
-    shorten,
-    suggested_units,
-)
+from thingc.base.units import Dimension, Quantity, UnitError, check_dimension, parse_quantity, scan_number, shorten, suggested_units
 from thingc.base.vector_text import parse_vector
 from thingc.documents.expressions.parsing import expression_hint, parse_expression
 from thingc.documents.expressions.terms import Expression, ExpressionError
@@ -197,7 +185,7 @@ def quantity(*dimensions: Dimension, doc: str = "") -> FieldValidator:
 
 
 def _schema(description: str, examples: list[str], dimensions: tuple[Dimension, ...]) -> dict[str, Any]:
-    numbers = NUMBER in dimensions
+    numbers = units.NUMBER in dimensions
     text: dict[str, Any] = {"type": "string", "pattern": quantity_pattern(*dimensions)}
     number: dict[str, Any] = {"type": "number"} if numbers else {"const": 0}
     return {
@@ -207,22 +195,22 @@ def _schema(description: str, examples: list[str], dimensions: tuple[Dimension, 
     }
 
 
-LengthField = Annotated[Value, quantity(LENGTH)]
-AngleField = Annotated[Value, quantity(ANGLE)]
+LengthField = Annotated[Value, quantity(units.LENGTH)]
+AngleField = Annotated[Value, quantity(units.ANGLE)]
 MassField = Annotated[Value, quantity(units.MASS)]
 DensityField = Annotated[Value, quantity(units.DENSITY)]
 TimeField = Annotated[Value, quantity(units.TIME)]
 VelocityField = Annotated[Value, quantity(units.VELOCITY)]
-RatioField = Annotated[Value, quantity(NUMBER, doc="a number or a percentage")]
+RatioField = Annotated[Value, quantity(units.NUMBER, doc="a number or a percentage")]
 EffortField = Annotated[Value, quantity(units.TORQUE, units.FORCE)]
 SpeedField = Annotated[Value, quantity(units.ANGULAR_VELOCITY, units.VELOCITY)]
-CommandField = Annotated[Value, quantity(ANGLE, LENGTH, units.ANGULAR_VELOCITY, units.VELOCITY, units.TORQUE, units.FORCE)]
+CommandField = Annotated[Value, quantity(units.ANGLE, units.LENGTH, units.ANGULAR_VELOCITY, units.VELOCITY, units.TORQUE, units.FORCE)]
 DampingField = Annotated[Value, quantity(units.ANGULAR_DAMPING, units.LINEAR_DAMPING)]
 FrictionField = Annotated[Value, quantity(units.TORQUE, units.FORCE)]
 ArmatureField = Annotated[Value, quantity(units.INERTIA, units.MASS)]
 StiffnessField = Annotated[Value, quantity(units.ANGULAR_STIFFNESS, units.LINEAR_STIFFNESS)]
 ForceField = Annotated[Value, quantity(units.FORCE)]
-MultiplierField = Annotated[Value, quantity(NUMBER, units.LENGTH_PER_ANGLE, units.ANGLE_PER_LENGTH)]
+MultiplierField = Annotated[Value, quantity(units.NUMBER, units.LENGTH_PER_ANGLE, units.ANGLE_PER_LENGTH)]
 InertiaField = Annotated[Value, quantity(units.INERTIA)]
 
 
@@ -248,7 +236,7 @@ def _joint_value(value: Any) -> Value | str:
     """Validate the value of a joint coordinate. In a pose, the name of a pose of a nested document is also valid."""
     if isinstance(value, str) and _NAME.fullmatch(value.strip()):
         return value.strip()
-    return read_value(value, (ANGLE, LENGTH), "an angle or a length", "30 deg")
+    return read_value(value, (units.ANGLE, units.LENGTH), "an angle or a length", "30 deg")
 
 
 def _vector(dimension: Dimension) -> FieldValidator:
@@ -408,7 +396,7 @@ def _count(value: Any) -> int | Expression:
 
 
 def _number(value: Any) -> Value:
-    return read_value(value, (NUMBER,), "a number", "0.4")
+    return read_value(value, (units.NUMBER,), "a number", "0.4")
 
 
 _COST = re.compile(r"\d+(?:\.\d+)? [A-Z]{3}", re.ASCII)
@@ -452,7 +440,7 @@ _COUNT_SCHEMA = {
 }
 _NUMBER_SCHEMA = {
     "description": "A number, or an expression.", "examples": [0.4, "=grip"], 
-    "anyOf": [{"type": "number"}, {"type": "string", "pattern": quantity_pattern(NUMBER)}],
+    "anyOf": [{"type": "number"}, {"type": "string", "pattern": quantity_pattern(units.NUMBER)}],
 }
 _COST_SCHEMA = {
     "type": "string", "pattern": r"^\d+(\.\d+)? [A-Z]{3}$", "description": "An amount and a currency.", "examples": ["12.50 EUR"],
@@ -461,13 +449,13 @@ _LINK_SCHEMA = {"pattern": "^https?://", "description": "A web address.", "examp
 _JOINT_SCHEMA = {
     "description": "An angle (`30 deg`) or a length (`20 mm`), an expression, or the name of a nested document's pose.",
     "examples": ["30 deg", "20 mm", "=open / 2", "folded"],
-    "anyOf": [{"type": "string", "pattern": quantity_pattern(ANGLE, LENGTH, word="[A-Za-z][A-Za-z0-9_]*")}, {"const": 0}],
+    "anyOf": [{"type": "string", "pattern": quantity_pattern(units.ANGLE, units.LENGTH, word="[A-Za-z][A-Za-z0-9_]*")}, {"const": 0}],
 }
 
 AnyQuantityField = Annotated[Union[Value, bool, str], FieldValidator(any_value, "a quantity, a boolean or a string", _ANY_SCHEMA)]
 JointValueField = Annotated[Union[Value, str], FieldValidator(_joint_value, "an angle or a length", _JOINT_SCHEMA)]
-Vector3Length = Annotated[Vector, _vector(LENGTH)]
-Vector3Angle = Annotated[Vector, _vector(ANGLE)]
+Vector3Length = Annotated[Vector, _vector(units.LENGTH)]
+Vector3Angle = Annotated[Vector, _vector(units.ANGLE)]
 Vector3Acceleration = Annotated[Vector, _vector(units.ACCELERATION)]
 Name = Annotated[str, FieldValidator(name_of, "a name", _NAME_SCHEMA)]
 OmittedField = Annotated[tuple[str, ...], FieldValidator(_validate_omitted, "levels of detail", _OMITTED_SCHEMA)]

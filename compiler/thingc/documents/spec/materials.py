@@ -6,30 +6,19 @@ from typing import Literal
 
 from pydantic import Field
 
+from thingc.documents.spec import fields
 from thingc.documents.spec.base import Model
-from thingc.documents.spec.fields import (
-    AngleField,
-    ColorField,
-    CostField,
-    CountField,
-    DensityField,
-    LengthField,
-    NumberField,
-    RatioField,
-    TimeField,
-    VelocityField,
-)
 from thingc.documents.spec.name_types import NewMaterial
 
 
 class FrictionSpec(Model):
     """Coefficients of friction between the material and a typical other material."""
 
-    slide: NumberField
+    slide: fields.NumberField
     """Sliding (Coulomb) friction."""
-    torsion: LengthField | NumberField | None = Field(default=None, examples=[0.005, "5 mm"])
+    torsion: fields.LengthField | fields.NumberField | None = Field(default=None, examples=[0.005, "5 mm"])
     """Torsional friction, as in MuJoCo [m]."""
-    roll: LengthField | NumberField | None = Field(default=None, examples=[0.0001, "0.1 mm"])
+    roll: fields.LengthField | fields.NumberField | None = Field(default=None, examples=[0.0001, "0.1 mm"])
     """Rolling friction, as in MuJoCo [m]."""
 
 
@@ -38,29 +27,29 @@ class ProcessSpec(Model):
 
     kind: Literal["fdm", "resin", "machined", "cast", "molded", "bought"] | None = None
     """The kind of process: printed from filament (`fdm`) or resin, machined, cast, molded, or bought."""
-    walls: CountField | None = None
+    walls: fields.CountField | None = None
     """Number of printed lines in a wall."""
-    line_width: LengthField | None = None
+    line_width: fields.LengthField | None = None
     """Width of one printed line."""
-    layer: LengthField | None = None
+    layer: fields.LengthField | None = None
     """Height of one layer."""
-    top: CountField | None = None
+    top: fields.CountField | None = None
     """Number of solid layers at the top."""
-    bottom: CountField | None = None
+    bottom: fields.CountField | None = None
     """Number of solid layers at the bottom."""
-    infill: RatioField | None = None
+    infill: fields.RatioField | None = None
     """Share of the interior that is filled, 0 % to 100 %."""
-    overlap: RatioField | None = Field(default=None, examples=["25 %"])
+    overlap: fields.RatioField | None = Field(default=None, examples=["25 %"])
     """Overlap of infill and walls, as a share of the line width; default: 25 %, as in PrusaSlicer."""
-    bridge_flow: RatioField | None = Field(default=None, examples=["100 %"])
+    bridge_flow: fields.RatioField | None = Field(default=None, examples=["100 %"])
     """Flow of material in bridges, relative to other lines; default: 100 %, as in PrusaSlicer."""
-    speed: VelocityField | None = Field(default=None, examples=["60 mm/s"])
+    speed: fields.VelocityField | None = Field(default=None, examples=["60 mm/s"])
     """Mean speed at which walls are printed, for the printing time; default: 28 mm/s."""
-    layer_time: TimeField | None = Field(default=None, examples=["2 s"])
+    layer_time: fields.TimeField | None = Field(default=None, examples=["2 s"])
     """Additional time for each layer, for travel and retraction; default: 4 s."""
-    tolerance: LengthField | None = Field(default=None, examples=["0.1 mm"])
+    tolerance: fields.LengthField | None = Field(default=None, examples=["0.1 mm"])
     """Largest deviation of the position of a mount along each axis of the part, for `stack` tests."""
-    tilt: AngleField | None = Field(default=None, examples=["0.2 deg"])
+    tilt: fields.AngleField | None = Field(default=None, examples=["0.2 deg"])
     """Largest deviation of the orientation of a mount about each axis of the part, for `stack` tests."""
     estimate: Literal["layers", "skin"] | None = None
     """How to estimate the mass of a part with infill: `layers` (the default for `fdm`) or `skin` (for all others)."""
@@ -71,11 +60,11 @@ class MaterialSpec(Model):
 
     base: str | None = Field(default=None, examples=["bd_materials:pla"])
     """A material of a library, such as `bd_materials:pla`. The other keys override its values."""
-    density: DensityField | None = None
+    density: fields.DensityField | None = None
     """Mass per volume of the solid material."""
-    color: ColorField | None = None
+    color: fields.ColorField | None = None
     """The colour: a CSS name or `#rrggbb`."""
-    price_per_kg: CostField | None = Field(default=None, examples=["24.90 EUR"])
+    price_per_kg: fields.CostField | None = Field(default=None, examples=["24.90 EUR"])
     """Price of one kilogram, for the cost of prints."""
     friction: FrictionSpec | None = Field(default=None, examples=[{"slide": 0.4}])
     process: ProcessSpec | None = Field(default=None, examples=[{"kind": "fdm", "walls": 3, "line_width": "0.45 mm", "infill": "15 %"}])

@@ -20,9 +20,6 @@ ROUNDS = 12
 enclosing entry invalid.
 """
 
-_REQUIRED_KEYS = ("thingc", "name", "components")
-"""Required keys of an assembly. The function `prune` handles the required key `materials` of a materials document."""
-
 _PLACEHOLDERS: dict[str, Any] = {"parameters": 0, "poses": {}}
 """Placeholder values by section, for removed entries whose name is valid."""
 
@@ -93,9 +90,9 @@ def remove_entry(plain: dict[str, Any], path: Path, *, name: bool = False) -> Pa
     """
     while path and isinstance(path[-1], int):
         path = path[:-1]
-    if not path or path[0] in _REQUIRED_KEYS[:2] or (len(path) == 1 and path[0] == "components"):
+    if not path or path[0] in ("thingc", "name") or path == ("components",):  # required keys of an assembly
         return None
-    if plain.get("thingc") == "materials/1" and len(path) == 1:
+    if plain.get("thingc") == "materials/1" and len(path) == 1:  # the required key is `materials`
         return None
     for length in range(1, len(path)):  # a key may look like the index of a list
         if isinstance(value_at(plain, path[:length]), list):

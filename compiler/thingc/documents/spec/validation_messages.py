@@ -66,7 +66,8 @@ class FaultReporter(FrozenStruct, eq=False):
                 self._add(Code.TOO_LARGE, message, self._place(fault.path), fault.path, None)
                 return
             if fault.path in unknown:
-                message = f"unknown key `{shorten(str(fault.path[-1]))}`{_inside(fault.path[:-1])}"
+                place = f" in `{format_path(fault.path[:-1])}`" if len(fault.path) > 1 else ""
+                message = f"unknown key `{shorten(str(fault.path[-1]))}`{place}"
                 self._add(Code.UNKNOWN_KEY, message, self._place(fault.path, key=True), fault.path, unknown[fault.path].help)
             else:
                 self._report_fault(fault)
@@ -183,10 +184,6 @@ class FaultReporter(FrozenStruct, eq=False):
 
 
 _AXES = {"x": "1, 0, 0", "y": "0, 1, 0", "z": "0, 0, 1", "-x": "-1, 0, 0", "-y": "0, -1, 0", "-z": "0, 0, -1"}
-
-
-def _inside(path: Path) -> str:
-    return f" in `{format_path(path)}`" if path else ""
 
 
 def _mapping_hint(document: Document, path: Path, value: Any, shape: FieldType) -> str | None:
