@@ -473,23 +473,25 @@ def _listing(folder: str) -> list[str]:
     return files
 
 
+NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
+FAULT_HELP = {
+    **dict.fromkeys(NO_SPACE, "free some space, or"), errno.ENAMETOOLONG: "use shorter names in the document, or",
+    **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), "make the folder writable, or"),
+    **dict.fromkeys((errno.EEXIST, errno.ENOTDIR), "move the existing file, or"),
+}
+"""The beginning of a help text for an error of the operating system. Another option follows ("or ...")."""
+
+
 def _fault_text(folder: str, fault: OSError) -> str:
     """Format an error of the operating system as a message that explains why the build folder cannot be written."""
     display_path = shown_path(folder)
-    if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+    if fault.errno in NO_SPACE:
         return f"there is not enough space for the build in `{display_path}`: {os.strerror(fault.errno)}"
     reason = fault.strerror or str(fault)
     return f"cannot write the build to `{display_path}`: {reason}"
 
 
 def _fault_help(fault: OSError) -> str:
-    """Return the beginning of a help text for an error of the operating system. The caller appends another option ("or ...")."""
-    if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-        return "free some space, or"
-    if fault.errno == errno.ENAMETOOLONG:
-        return "use shorter names in the document, or"
-    if fault.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
-        return "make the folder writable, or"
-    if fault.errno in (errno.EEXIST, errno.ENOTDIR):
-        return "move the existing file, or"
-    return "fix the problem, or"
+    """Return the beginning of a help text for an error of the operating system, as in `FAULT_HELP`."""
+    return FAULT_HELP.get(fault.errno or 0, "fix the problem, or")

@@ -70,4 +70,4 @@ class Artifacts(FrozenStruct):
 
     def contents(self, store: Store) -> dict[str, bytes]:
         """Return the bytes of all files by path. Files that are in the store are read."""
-        return {path: one if isinstance(one, bytes) else store.read(one.sha256) for path, one in self.files.items()}
+        return {path: content if isinstance(content, bytes) else store.read(content.sha256) for path, content in self.files.items()}

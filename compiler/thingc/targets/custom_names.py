@@ -44,9 +44,9 @@ def apply_custom_names(request: EmitRequest) -> EmitRequest:
         return known
     caller = _Caller(request.assembly, names)
     robots = tuple(caller.record(robot) for robot in request.robots)
-    made = replace(request, assembly=caller.record(request.assembly), robots=robots, made={})
-    request.made[MADE] = made
-    return made
+    renamed = replace(request, assembly=caller.record(request.assembly), robots=robots, made={})
+    request.made[MADE] = renamed
+    return renamed
 
 
 @cache
@@ -71,9 +71,9 @@ class _Caller:
         self.names = names
         joints = dict(names.joints)  # whole joints and their coordinates
         for mate in assembly.mates:
-            whole = names.joints.get(mate.name or "")
-            for joint in mate.joints if whole is not None else ():
-                joints[joint.path] = f"{whole}{joint.path.removeprefix(mate.name or '')}"
+            custom_name = names.joints.get(mate.name or "")
+            for joint in mate.joints if custom_name is not None else ():
+                joints[joint.path] = f"{custom_name}{joint.path.removeprefix(mate.name or '')}"
         self.named: dict[str, Mapping[str, str]] = {
             "components": names.components, "mounts": names.components | names.mounts, "joints": joints, "poses": names.poses,
             "sensors": names.sensors, "tendons": names.tendons,
@@ -112,21 +112,21 @@ class _Caller:
         if isinstance(old, CoordinateName):
             return old.in_files(self.named["joints"].get(old.path, old.path))
         if kind is tuple:
-            return tuple(self.value(get_args(hint)[0], one) for one in old)
+            return tuple(self.value(get_args(hint)[0], item) for item in old)
         if kind is dict:
             of_key, of_value = get_args(hint)
-            return {self.value(of_key, key): self.value(of_value, one) for key, one in old.items()}
+            return {self.value(of_key, key): self.value(of_value, item) for key, item in old.items()}
         if isinstance(old, FrozenStruct):
             return self.record(old) if type(old) not in AS_WRITTEN else old
-        return self.value(next(one for one in get_args(hint) if _holds(one, frozenset())), old) if get_args(hint) else old
+        return self.value(next(item for item in get_args(hint) if _holds(item, frozenset())), old) if get_args(hint) else old
 
     # --- rules: the fields of a record that change; `fields` are the fields found by their types ---------------------------
 
-    def _drive(self, of: JointEdge | TreeJoint | LinkedTendon, fields: dict[str, Any]) -> dict[str, Any]:
-        own, tied = self.names.actuators.get(of.path), self.names.equalities.get(of.path)
-        if not isinstance(of, LinkedTendon) and of.mimic is not None and tied is not None:
+    def _drive(self, driven: JointEdge | TreeJoint | LinkedTendon, fields: dict[str, Any]) -> dict[str, Any]:
+        own, tied = self.names.actuators.get(driven.path), self.names.equalities.get(driven.path)
+        if not isinstance(driven, LinkedTendon) and driven.mimic is not None and tied is not None:
             fields = {**fields, "mimic": replace(fields["mimic"], name=tied)}
-        return fields if of.actuator is None or own is None else {**fields, "actuator": replace(of.actuator, name=own)}
+        return fields if driven.actuator is None or own is None else {**fields, "actuator": replace(driven.actuator, name=own)}
 
     def _closure(self, closure: Closure, fields: dict[str, Any]) -> dict[str, Any]:
         kind = "mounts" if closure.hold else "joints"

@@ -89,7 +89,7 @@ def describe(robot: Robot, root: Element, separator: str, commands: Sequence[Con
     return {
         "joints": {name: [entry for entry, _ in order] for name, order in orders.items()},
         "indices": {
-            one: {other: _indices(source, order) for other, order in orders.items() if other != one} for one, source in orders.items()
+            name: {other: _indices(source, order) for other, order in orders.items() if other != name} for name, source in orders.items()
         },
         "addresses": {
             name: list(accumulate((width[column] for width in widths[:-1]), initial=0))[: len(widths)]

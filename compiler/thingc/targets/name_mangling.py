@@ -60,17 +60,17 @@ class MangledNames:
         self._report = report
         self._owners: dict[str, tuple[str, Origin]] = {}
 
-    def take(self, path: str, origin: Origin, made: str | None = None) -> str:
+    def take(self, path: str, origin: Origin, description: str | None = None) -> str:
         """Reserve the name for a path, and return the name. If the name is already in use, report an error.
 
-        The text `made` describes an element that has no path in the document. `origin` is empty for a name that every file contains.
+        `description` describes an element that has no path in the document. `origin` is empty for a name that every file contains.
         """
-        self.free(path, origin, made)
+        self.free(path, origin, description)
         return safe(path)
 
-    def free(self, path: str, origin: Origin, made: str | None = None) -> bool:
+    def free(self, path: str, origin: Origin, description: str | None = None) -> bool:
         """Reserve the name for a path, and return True. If the name is already in use, report an error and return False."""
-        name, this = safe(path), (made or f"`{path}`", origin)
+        name, this = safe(path), (description or f"`{path}`", origin)
         owner, before = self._owners.setdefault(name, this)
         if (owner, before) != this:
             self._report.add(

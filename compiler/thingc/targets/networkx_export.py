@@ -26,10 +26,11 @@ def hag_graph(hag: Hag, quantities: dict[str, int]) -> Graph:
     the component, and its attributes are `mounts` and `joint`.
     """
     graph = networkx.MultiDiGraph(name=hag.label)
-    for one in hag.definitions:
-        plain = None if one.plain is None else one.plain.text
-        graph.add_node(one.text, **_attributes(
-            label=one.label, reference=one.reference, kind=one.kind, quantity=quantities[one.text], mirror=one.mirror, mirrors=plain,
+    for definition in hag.definitions:
+        plain = None if definition.plain is None else definition.plain.text
+        graph.add_node(definition.text, **_attributes(
+            label=definition.label, reference=definition.reference, kind=definition.kind, quantity=quantities[definition.text],
+            mirror=definition.mirror, mirrors=plain,
         ))
     for edge in hag.edges:
         graph.add_edge(edge.parent, edge.child, key=edge.component, **_attributes(mounts=edge.mounts or None, joint=edge.joint))
@@ -68,7 +69,7 @@ def link_graph(assembly: Assembly) -> Graph:
         graph.add_node(link.name, mass=link.properties.mass, occurrences=members)
     for mate in assembly.mates:
         name = mate.name if mate.name is not None else mate.loop
-        parent, child = (assembly.links[assembly.link_of[one]].name for one in (mate.parent, mate.child))
+        parent, child = (assembly.links[assembly.link_of[index]].name for index in (mate.parent, mate.child))
         if name is not None and parent != child:
             kind = mate.joints[0].kind.name if mate.joints else "fixed"
             graph.add_edge(parent, child, key=name, **_attributes(

@@ -86,7 +86,7 @@ def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Ele
             return why, "use letters, digits, `_`, `-` and `.`, starting with a letter", number
         prefix, colon, _ = step.rpartition(":")
         if colon and prefix not in PREFIXES[target]:
-            prefixes = ", ".join(f"`{one}:`" for one in PREFIXES[target])
+            prefixes = ", ".join(f"`{known_prefix}:`" for known_prefix in PREFIXES[target])
             return f"`{target}` has no prefix `{prefix}:`", f"known prefixes: {prefixes}", number
     why = unwritable(path[-1], attribute.value)
     if why is not None:

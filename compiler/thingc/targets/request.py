@@ -48,5 +48,5 @@ class EmitRequest(FrozenStruct, eq=False):
         if assembly is self.assembly:
             return self
         robots = tuple(replace(robot, assembly=assembly) for robot in self.robots)
-        made: EmitRequest = self.made.setdefault(f"request for {target}", replace(self, assembly=assembly, robots=robots, made={}))
-        return made
+        request: EmitRequest = self.made.setdefault(f"request for {target}", replace(self, assembly=assembly, robots=robots, made={}))
+        return request

@@ -166,8 +166,8 @@ class XmlText(FrozenStruct):
 @formatter("xml")
 def number(value: float) -> str:
     """Format a number at full precision. Whole numbers have no decimal point, and -0.0 becomes `0`."""
-    whole = int(value) if abs(value) < 1e16 else None
-    return str(whole) if whole is not None and whole == value else repr(float(value))
+    integer = int(value) if abs(value) < 1e16 else None
+    return str(integer) if integer is not None and integer == value else repr(float(value))
 
 
 def format_value(value: XmlValue) -> str:

@@ -116,9 +116,9 @@ def read_no_collision(spec: NoCollisionTest, reader: Reader) -> CollisionCheck:
 
 def _read_allowance(entry: AllowSpec, reader: Reader, index: int) -> AllowedContact:
     """Parse an entry under `allow`: a pair of components that may touch each other, and the reason."""
-    one, other = (reader.components(text, ("allow", index, "pair", side)) for side, text in enumerate(entry.pair))
+    first, second = (reader.components(text, ("allow", index, "pair", side)) for side, text in enumerate(entry.pair))
     return AllowedContact(
-        one=one, other=other, text=f"`{entry.pair[0]}` and `{entry.pair[1]}`", reason=entry.reason.strip(),
+        one=first, other=second, text=f"`{entry.pair[0]}` and `{entry.pair[1]}`", reason=entry.reason.strip(),
         origin=reader.origin(("allow", index, "pair")),
     )
 

@@ -159,7 +159,7 @@ class PartClass:
         for module, node in self.lineage:
             method = _init_of(node)
             if method is not None:
-                if any(one.arg == text for one in _arguments(method)):
+                if any(argument.arg == text for argument in _arguments(method)):
                     return self._record(Name("part parameter", module.file, text, node.name))
                 break
         return self._missing_name("part parameter", text)
@@ -218,7 +218,7 @@ class PartNames:
         known = {(span.file, span.line, span.column) for module, node in members for span in _name_spans(module, node, name)}
         for module in self._all_modules():
             for node in ast.walk(module.tree):
-                if _may_refer_to(node, name, {one for _, one in family}):
+                if _may_refer_to(node, name, {family_class for _, family_class in family}):
                     span = module.span_of(node, name.text) if isinstance(node, ast.Attribute) else None
                     if span is None or (span.file, span.line, span.column) not in known:
                         class_name = _enclosing_class(module, node)
@@ -261,7 +261,7 @@ class PartNames:
         """Yield all modules in the part folders."""
         for folder in self.folders:
             for path, folders, files in os.walk(folder):
-                folders[:] = sorted(one for one in folders if one.isidentifier())
+                folders[:] = sorted(name for name in folders if name.isidentifier())
                 inner = os.path.relpath(path, folder).replace(os.sep, ".")
                 for file in sorted(files):
                     stem, suffix = os.path.splitext(file)
@@ -284,7 +284,7 @@ class PartNames:
         for base in node.bases:
             if isinstance(base, ast.Name):
                 inner = f"{module.dotted}:{base.id}" if base.id in module.classes else module.imports.get(base.id, "")
-                lineage += [one for one in self._lineage(inner, [*above, reference]) if one not in lineage]
+                lineage += [base_class for base_class in self._lineage(inner, [*above, reference]) if base_class not in lineage]
         return lineage
 
     def _module(self, dotted: str) -> _Module | None:
@@ -312,7 +312,7 @@ def _module_of(file: str, dotted: str, text: str) -> _Module | None:
 
 
 def _init_of(node: ast.ClassDef) -> ast.FunctionDef | None:
-    return next((one for one in node.body if isinstance(one, ast.FunctionDef) and one.name == "__init__"), None)
+    return next((statement for statement in node.body if isinstance(statement, ast.FunctionDef) and statement.name == "__init__"), None)
 
 
 def _arguments(method: ast.FunctionDef) -> list[ast.arg]:
@@ -374,13 +374,13 @@ def _may_refer_to(node: ast.AST, name: Name, family: set[str]) -> bool:
     if isinstance(node, ast.Attribute):
         return node.attr == name.text and isinstance(node.value, ast.Attribute) and node.value.attr == "p"
     if isinstance(node, ast.Call):
-        called = node.func.attr if isinstance(node.func, ast.Attribute) else node.func.id if isinstance(node.func, ast.Name) else ""
+        function = node.func.attr if isinstance(node.func, ast.Attribute) else node.func.id if isinstance(node.func, ast.Name) else ""
         keywords = {(keyword.arg or "").partition("__")[0] for keyword in node.keywords}
-        return name.text in keywords and (called in family or called in ("adjust", "__init__", "partial", "replace"))
+        return name.text in keywords and (function in family or function in ("adjust", "__init__", "partial", "replace"))
     return False
 
 
 def _enclosing_class(module: _Module, node: ast.AST) -> str | None:
     """Return the name of the top-level class that contains a syntax node, or None."""
     line = getattr(node, "lineno", 0)
-    return next((one.name for one in module.classes.values() if one.lineno <= line <= (one.end_lineno or 0)), None)
+    return next((name for name, cls in module.classes.items() if cls.lineno <= line <= (cls.end_lineno or 0)), None)

@@ -56,7 +56,7 @@ def check_renamable(workspace: WorkspaceIndex, name: Name) -> None:
             raise RenameRefused(f"the index `{name.text}` is the default: first add `as: {name.text}` under `repeat`")
         raise RenameRefused(f"cannot find the definition of the {description} `{name.text}` of `{name.owner}` without running its code")
     if name.kind == "sensor" and any(
-        one.name.kind == "joint" and one.span == workspace.index.find_declaration(name) for one in workspace.index.places
+        place.name.kind == "joint" and place.span == workspace.index.find_declaration(name) for place in workspace.index.places
     ):
         raise RenameRefused(f"the sensor `{name.text}` measures the joint with the same name: first add `joint: {name.text}` to the sensor")
     if name.kind == "transmission" and (drive := re.search(rf"\b{name.text}_[\d*?[]", text := workspace.read(name.file) or "")):

@@ -63,7 +63,7 @@ def _index_names(documents: Mapping[str, DocumentNames], parts: PartNames) -> Na
     by_name: dict[Name, list[NamePlace]] = {}
     for place in places:
         by_name.setdefault(place.name, []).append(place)
-    return NameIndex(places, {name: tuple(those) for name, those in by_name.items()})
+    return NameIndex(places, {name: tuple(places_of_name) for name, places_of_name in by_name.items()})
 
 
 class WorkspaceIndex(FrozenStruct):
@@ -117,7 +117,7 @@ def index_workspace(
 
     documents: dict[str, DocumentNames] = {}
     broken: dict[str, str] = {}
-    last_names = {one.path: DocumentNames(one) for one in last}
+    last_names = {previous.path: DocumentNames(previous) for previous in last}
     for path in dict.fromkeys((*(documents_in(workspace.root, workspace) if only is None else only), *last_names)):
         text = read(path)
         document = read_document(path, workspace.relative(path), text) if text is not None else None

@@ -107,15 +107,15 @@ class SensorSpec(Model):
         kind = SENSORS[self.type]
         for key in _KEYS:
             if self.value_of(key) is not None and key not in kind.keys:
-                types = one_of([one.name for one in SENSORS.values() if key in one.keys])
+                types = one_of([sensor.name for sensor in SENSORS.values() if key in sensor.keys])
                 raise rule(f"a sensor of type `{self.type}` cannot have `{key}`", f"remove `{key}`, or choose another `type`: {types}", key)
         for group in kind.needs:
             written = [key for key in group if self.value_of(key) is not None]
             if len(written) != 1:
-                wanted = " or ".join(f"`{key}`" for key in group)
+                required = " or ".join(f"`{key}`" for key in group)
                 here = "found both" if written else "found none"
                 help = "keep only one of the two keys" if written else f"write, for example, `{_EXAMPLES[group[0]]}`"
-                raise rule(f"a sensor of type `{self.type}` needs {wanted}, {here}", help)
+                raise rule(f"a sensor of type `{self.type}` needs {required}, {here}", help)
 
 
 _KEYS: tuple[SensorKey, ...] = ("at", "in", "joint", "tendon", "of", "with", "volume", "range", "fovy", "noise", "cutoff")

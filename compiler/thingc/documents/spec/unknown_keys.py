@@ -73,7 +73,7 @@ class UnknownKey:
             entries = dict(sections(root)).get(f"{self.path[1]}s")
             if entries is not None and entries.model is not None and self.key in model_keys(entries.model):
                 return f"`{self.key}` has no default: set the key in each entry of `{self.path[1]}s`"
-        mapping_keys = [key for key in self.known_keys if any(self.key in model_keys(one) for one in _models(self.model, key))]
+        mapping_keys = [key for key in self.known_keys if any(self.key in model_keys(model) for model in _models(self.model, key))]
         if mapping_keys:
             present_keys = [key for key in mapping_keys if key in self.present]
             short_form = node_at(self.document.tree, (*self.path[:-1], "attach")) if present_keys == ["attach"] else None
@@ -153,7 +153,7 @@ def types_along(root: type[Model], document: Document, path: Path) -> Iterator[F
 
 def _models(model: type[Model] | Any, key: str) -> Iterator[type[Model] | Any]:
     """Yield the document models of the mappings that a key accepts as its value."""
-    return (one.model for one in alternatives(model_keys(model)[key][0]) if one.model is not None)
+    return (alternative.model for alternative in alternatives(model_keys(model)[key][0]) if alternative.model is not None)
 
 
 def combine_faults(document: Document, root: type[Model], faults: list[Fault]) -> list[Fault]:
@@ -214,4 +214,4 @@ def _is_misplaced(value: Any, key: FieldType, entry: FieldType) -> bool:
     if not isinstance(value, dict):
         return True
     matching = sum(name in model_keys(entry.model) for name in value) if entry.model is not None else 0
-    return any(likeness(one, value) > matching for one in alternatives(key) if one.kind in ("model", "dict"))
+    return any(likeness(alternative, value) > matching for alternative in alternatives(key) if alternative.kind in ("model", "dict"))

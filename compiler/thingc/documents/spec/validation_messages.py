@@ -179,7 +179,8 @@ class FaultReporter(FrozenStruct, eq=False):
             axis = _AXES.get(value) if fault.path[-1:] in (("axis",), ("up",)) else None
             help = f"write `[{axis or shorten(', '.join(value.split()) if numbers else value)}]`"
         elif help is None and isinstance(value, bool):
-            help = choice_hint(format_choice(value), [format_choice(choice) for one in alternatives(shape) for choice in one.choices])
+            choices = [format_choice(choice) for alternative in alternatives(shape) for choice in alternative.choices]
+            help = choice_hint(format_choice(value), choices)
         self._add(Code.WRONG_TYPE, f"expected {shape.description}, found {describe(value)}", self._place(fault.path), fault.path, help)
 
 
@@ -223,7 +224,7 @@ def _unwrapped_hint(path: Path, fault: Fault) -> str | None:
         return None
     if path[:1] == ("links",):
         return "`links` only names the link of a component, such as `base_link: plate`; set mass and geometry on components"
-    strings = [one for one in fault.value.values() if isinstance(one, str)]
+    strings = [text for text in fault.value.values() if isinstance(text, str)]
     if len(fault.value) != 1 or not strings:
         return None
     mount = ".MOUNT" if fault.shape.field.description == "a reference" and strings[0].isidentifier() else ""

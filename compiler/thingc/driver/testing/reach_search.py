@@ -92,10 +92,7 @@ def _maximize_distance(chain: NumpyTree, ends: Ends, start: Array) -> tuple[floa
         distance, slope = _distance(chain, ends, x)
         return -distance, -slope
 
-    def closure_errors(x: Array) -> tuple[Array, Array]:
-        return chain.closure_errors(chain.q(x))
-
-    loops = {"type": "eq", "fun": lambda x: closure_errors(x)[0], "jac": lambda x: closure_errors(x)[1]}
+    loops = {"type": "eq", "fun": lambda x: chain.closure_errors(chain.q(x))[0], "jac": lambda x: chain.closure_errors(chain.q(x))[1]}
     constraints = [loops] if chain.robot.closures else []
     if len(chain.cones(start)[0]):
         constraints.append({"type": "ineq", "fun": lambda x: chain.cones(x)[0], "jac": lambda x: chain.cones(x)[1]})
@@ -106,7 +103,7 @@ def _maximize_distance(chain: NumpyTree, ends: Ends, start: Array) -> tuple[floa
         constraints=constraints, options={"maxiter": 200, "ftol": 1e-12},
     )
     x = chain.x(chain.q(np.clip(np.asarray(optimum.x, dtype=np.float64), chain.lower, chain.upper)))
-    if chain.robot.closures and float(np.abs(closure_errors(x)[0]).max()) > CLOSED:
+    if chain.robot.closures and float(np.abs(chain.closure_errors(chain.q(x))[0]).max()) > CLOSED:
         return None
     return _distance(chain, ends, x)[0], x
 

@@ -56,7 +56,7 @@ def mirrors(hag: Hag) -> list[tuple[Definition, str]]:
     Mirror images are omitted if the graph does not contain the original part.
     """
     texts = {definition.text for definition in hag.definitions}
-    return [(one, one.plain.text) for one in hag.definitions if one.plain is not None and one.plain.text in texts]
+    return [(image, image.plain.text) for image in hag.definitions if image.plain is not None and image.plain.text in texts]
 
 def total(hag: Hag) -> str:
     """Describe the size of the graph and of the expanded tree without its root, such as `12 definitions, 18 components`."""

@@ -219,7 +219,7 @@ def _mode(robot: Robot, places: _SourceLocations) -> Data:
         "driven": robot.present,
         "start": start.name if start is not None else None,
         "poses": [_pose(robot, frame) for frame in robot.keyframes],
-        "unclosed": [one.name for one in robot.unclosed],
+        "unclosed": [pose.name for pose in robot.unclosed],
         **places.location(mode.origin),
     }
 

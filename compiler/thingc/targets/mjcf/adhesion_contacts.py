@@ -37,18 +37,18 @@ def contact(assembly: Assembly) -> dict[str, str]:
 
     An attribute is omitted if a raw attribute sets it for all geoms or for all collision geoms.
     """
-    stated = {path[3] for path in _raw(assembly) if len(path) == 4 and path[0] == "default" and path[1] != "visual" and path[2] == "geom"}
-    return {name: value for name, value in CONTACT.items() if name not in stated}
+    raw = {path[3] for path in _raw(assembly) if len(path) == 4 and path[0] == "default" and path[1] != "visual" and path[2] == "geom"}
+    return {name: value for name, value in CONTACT.items() if name not in raw}
 
 
-def option(robot: Robot, stated: Mapping[str, object]) -> dict[str, str]:
+def option(robot: Robot, from_document: Mapping[str, object]) -> dict[str, str]:
     """Return the attributes of the element `option` that a mode with adhesion needs.
 
-    An option is omitted if the document specifies it (`stated`), or if a raw attribute sets it.
+    An option is omitted if the document specifies it (`from_document`), or if a raw attribute sets it.
     """
     if not adhering(robot):
         return {}
-    options = {path[1] for path in _raw(robot.assembly) if len(path) == 2 and path[0] == "option"} | stated.keys()
+    options = {path[1] for path in _raw(robot.assembly) if len(path) == 2 and path[0] == "option"} | from_document.keys()
     return {} if "cone" in options else {name: value for name, value in OPTION.items() if name not in options}
 
 

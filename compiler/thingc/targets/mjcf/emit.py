@@ -35,19 +35,19 @@ class Models(FrozenStruct):
 
 def emit(request: EmitRequest) -> Artifacts:
     """Return `mjcf/<name>_<mode>.xml` and `mjcf/scene_<mode>.xml` of each chosen mode, and `mjcf/assets/`."""
-    made = models(request)
+    mjcf_models = models(request)
     files: dict[str, Content] = {}
-    for candidate in made.candidates:
+    for candidate in mjcf_models.candidates:
         files[f"mjcf/{candidate.file}"] = candidate.model.text.encode()
         files[f"mjcf/scene_{candidate.mode}.xml"] = candidate.scene.text.encode()
-    files |= {f"mjcf/assets/{file}": stored for file, stored in made.assets.items()}
-    return Artifacts(files=dict(sorted(files.items())), losses=made.losses)
+    files |= {f"mjcf/assets/{file}": stored for file, stored in mjcf_models.assets.items()}
+    return Artifacts(files=dict(sorted(files.items())), losses=mjcf_models.losses)
 
 
 def emit_with_modes(request: EmitRequest) -> Artifacts:
     """Return the files of `emit`, and `modes.json`, which contains addresses in the models."""
-    made = emit(request)
-    return replace(made, files={**made.files, **modes_json.emit(request).files})
+    artifacts = emit(request)
+    return replace(artifacts, files={**artifacts.files, **modes_json.emit(request).files})
 
 
 def models(request: EmitRequest) -> Models:
@@ -61,36 +61,33 @@ def models(request: EmitRequest) -> Models:
     if isinstance(known, Models):
         return known
     assembly, robots, report = request.assembly, request.robots, request.report
-    geometry, unsaid, roots, suited = _roots(request)
-
-    lost: dict[Loss, None] = dict.fromkeys((*unsaid, *losses("mjcf", CAPABILITIES, assembly, robots)))
+    geometry, tree_losses, roots, compat_losses = _roots(request)
+    all_losses: dict[Loss, None] = dict.fromkeys((*tree_losses, *losses("mjcf", CAPABILITIES, assembly, robots)))
     candidates: list[verify.Candidate] = []
     for robot, root in zip(robots, roots, strict=True):
-        file, said = f"{assembly.name}_{robot.mode.name}.xml", _heading(robot)
-        lost |= dict.fromkeys(tree.losses(robot))
-        model = write(root, said)
+        file, comment = f"{assembly.name}_{robot.mode.name}.xml", _heading(robot)
+        all_losses |= dict.fromkeys(tree.losses(robot))
+        model = write(root, comment)
         candidates.append(verify.Candidate(
-            mode=robot.mode.name, file=file, root=root, heading=said, model=model,
-            scene=scene.scene(robot, file, said, model, request.memo, compat.separator(request.compat)), robot=robot,
+            mode=robot.mode.name, file=file, root=root, heading=comment, model=model,
+            scene=scene.scene(robot, file, comment, model, request.memo, compat.separator(request.compat)), robot=robot,
         ))
-    lost |= suited
-    every = tuple(candidates)
-    scenes = {f"scene_{one.mode}.xml" for one in every}
-    for file in sorted(scenes & {one.file for one in every}):
+    all_losses |= compat_losses
+    scenes = {f"scene_{candidate.mode}.xml" for candidate in candidates}
+    for file in sorted(scenes & {candidate.file for candidate in candidates}):
         report.add(
             Code.SAME_NAME, f"a model of the robot `{assembly.name}` and a scene would both be `mjcf/{file}`", assembly.definition.origin,
             help="rename the robot",
         )
     if request.verify:
         starts = not request.repeated
-        due = verify.select_models(every, request.verify, request.memo)
-        waiting = verify.remaining(due, geometry.meshes, request.store, request.memo, starts=starts)
-        verify.check(waiting, geometry, request.store, report, request.memo, starts=starts)
+        selected = verify.select_models(candidates, request.verify, request.memo)
+        remaining = verify.remaining(selected, geometry.meshes, request.store, request.memo, starts=starts)
+        verify.check(remaining, geometry, request.store, report, request.memo, starts=starts)
         if not report.diagnostics:
-            verify.record_accepted(due, request.verify, request.memo)
-    made = Models(candidates=every, assets=geometry.assets, losses=tuple(lost))
-    request.made["mjcf"] = made
-    return made
+            verify.record_accepted(selected, request.verify, request.memo)
+    models = request.made["mjcf"] = Models(candidates=tuple(candidates), assets=geometry.assets, losses=tuple(all_losses))
+    return models
 
 
 def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str], dict[str, StoredArtifact]]:
@@ -121,11 +118,11 @@ def _roots(request: EmitRequest) -> tuple[Geometry, list[Loss], list[Element], d
 
     Also return two kinds of export losses: those of the shapes, and those that result from adapting the trees to other programs.
     """
-    geometry, unsaid = choose_geometry(request.assembly, request.report)
+    geometry, flat = choose_geometry(request.assembly, request.report)
     roots = [tree.model(robot, geometry, request.memo) for robot in request.robots]
-    left = raw_elements.add(request.assembly, request.robots, roots, request.report)
+    omitted = raw_elements.add(request.assembly, request.robots, roots, request.report)
     raw.apply(request.assembly, request.robots, roots, request.report)
-    return geometry, [*unsaid, *left], *compat.adapt_models(request.compat, request.robots, roots, request.report)
+    return geometry, [*flat, *omitted], *compat.adapt_models(request.compat, request.robots, roots, request.report)
 
 
 def _heading(robot: Robot) -> str:
@@ -140,16 +137,16 @@ def emit_archives(request: EmitRequest) -> Artifacts:
     `zipfile` would compress the meshes again for every mode and every edit. Instead, each mesh is compressed once, and the result is cached
     in the store.
     """
-    made = models(request)
+    mjcf_models = models(request)
     if request.report.failed:
-        return Artifacts(files={}, losses=made.losses)
-    assets = {f"assets/{file}": _asset(stored, request.store) for file, stored in made.assets.items()}
+        return Artifacts(files={}, losses=mjcf_models.losses)
+    assets = {f"assets/{file}": _asset(stored, request.store) for file, stored in mjcf_models.assets.items()}
     return Artifacts(
         files={
             f"mjcf/{candidate.file.removesuffix('.xml')}.mjz": make_zip({MODEL: candidate.model.text.encode(), **assets})
-            for candidate in made.candidates
+            for candidate in mjcf_models.candidates
         },
-        losses=made.losses,
+        losses=mjcf_models.losses,
     )
 
 

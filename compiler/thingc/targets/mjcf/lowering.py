@@ -54,7 +54,7 @@ def positions(body: Body, q: Mapping[str, float], pose: Pose) -> tuple[float, ..
         return (*pose.translation, *pose.quaternion())
     if is_ball(body.joints):
         return quaternion_of(rotation_vector(body.twists, tuple(q[joint.path] for joint in body.joints)))
-    return tuple(one.ratio * q[joint.path] for joint in body.joints for one in mujoco_joints(joint))
+    return tuple(mujoco_joint.ratio * q[joint.path] for joint in body.joints for mujoco_joint in mujoco_joints(joint))
 
 
 def in_body(body: Body, axis: Vector) -> Vector:

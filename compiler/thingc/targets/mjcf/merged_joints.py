@@ -21,14 +21,14 @@ def model_bodies(robot: Robot) -> Mapping[int, Body]:
     If a link is omitted, the joints that lead to it are added to the next body, before the joints of this body. The axes of the added
     joints are expressed in the frame of the next body when its own joints are at 0.
     """
-    made: dict[int, Body] = {}
+    merged: dict[int, Body] = {}
     for index, body in enumerate(robot.bodies):
         if body.parent is not None and joins(robot, body.parent):
-            above, back = made[body.parent], body.X_PL.inverse()
+            above, back = merged[body.parent], body.X_PL.inverse()
             before = (replace(joint, twist=joint.twist.seen_from(back)) for joint in above.joints)
             body = replace(body, parent=above.parent, X_PL=above.X_PL @ body.X_PL, joints=(*before, *body.joints))
-        made[index] = body
-    return {index: body for index, body in made.items() if not joins(robot, index)}
+        merged[index] = body
+    return {index: body for index, body in merged.items() if not joins(robot, index)}
 
 
 def joins(robot: Robot, index: int) -> bool:
@@ -46,7 +46,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
     """Yield an export loss for each frame that is between two joints of the same body. Frames of links that are omitted in the model are
     not reported.
     """
-    paths = {one.path for one in robot.assembly.occurrences}
+    paths = {occurrence.path for occurrence in robot.assembly.occurrences}
     for site in robot.sites:
         if joins(robot, site.body) and site.path not in paths:
             what = "this frame: MuJoCo does not support sites between two joints of a body"

@@ -32,33 +32,34 @@ def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
 
     Report an error for each element that no mode can contain.
     """
-    lost: list[Loss] = []
-    if assembly.added and models:
-        targets = [_Target(robot, model) for robot, model in zip(robots, models, strict=True)]
-        for element in assembly.added:
-            strange = next(_strange(element), None)
-            if strange is not None:
-                report.add(Code.RAW_UNKNOWN, *strange, path=element.dotted, help="use elements and attributes from the MJCF reference")
-                continue
-            missing = [target.add(element) for target in targets]
-            if None not in missing and not _may_be_in_other_mode(assembly, missing[0] or ("", "")):
-                kind, name = missing[0] or ("", "")
-                known = sorted({one for target in targets for one in target.names.get(kind, ())})
-                names = "bodies" if kind == "body" else f"{kind}s"
-                report.add(
-                    Code.RAW_UNKNOWN, f"`{element.tag}` refers to {kind} `{name}`, which no mode has", element.origin,
-                    help=did_you_mean(name, known, what=names), path=element.dotted,
-                )
-            for target, one in zip(targets, missing, strict=True):
-                if one is not None:
-                    what = f"this element: the mode has no {one[0]} `{one[1]}`"
-                    lost.append(Loss("mjcf", target.robot.mode.name, element.dotted, what, "omitted", element.origin))
-        for target in targets:
-            target.command()
-    return lost
+    losses: list[Loss] = []
+    if not assembly.added or not models:
+        return losses
+    targets = [_Target(robot, model) for robot, model in zip(robots, models, strict=True)]
+    for element in assembly.added:
+        invalid = next(_find_invalid(element), None)
+        if invalid is not None:
+            report.add(Code.RAW_UNKNOWN, *invalid, path=element.dotted, help="use elements and attributes from the MJCF reference")
+            continue
+        missing = [target.add(element) for target in targets]
+        if None not in missing and not _may_be_in_other_mode(assembly, missing[0] or ("", "")):
+            kind, name = missing[0] or ("", "")
+            known = sorted({known_name for target in targets for known_name in target.names.get(kind, ())})
+            names = "bodies" if kind == "body" else f"{kind}s"
+            report.add(
+                Code.RAW_UNKNOWN, f"`{element.tag}` refers to {kind} `{name}`, which no mode has", element.origin,
+                help=did_you_mean(name, known, what=names), path=element.dotted,
+            )
+        for target, reference in zip(targets, missing, strict=True):
+            if reference is not None:
+                what = f"this element: the mode has no {reference[0]} `{reference[1]}`"
+                losses.append(Loss("mjcf", target.robot.mode.name, element.dotted, what, "omitted", element.origin))
+    for target in targets:
+        target.add_controls()
+    return losses
 
 
-def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
+def _find_invalid(element: RawElement) -> Iterator[tuple[str, Origin]]:
     """Yield a message for each element or attribute that documents must not add.
 
     Such elements and attributes could change other elements when MuJoCo reads them.
@@ -70,7 +71,7 @@ def _strange(element: RawElement) -> Iterator[tuple[str, Origin]]:
     if element.tag == "include":
         yield "`include` is not allowed", element.origin
     for child in element.children:
-        yield from _strange(child)
+        yield from _find_invalid(child)
 
 
 def _may_be_in_other_mode(assembly: Assembly, missing: tuple[str, str]) -> bool:
@@ -78,7 +79,8 @@ def _may_be_in_other_mode(assembly: Assembly, missing: tuple[str, str]) -> bool:
     an error was reported.
     """
     kind, name = missing
-    if any((one.section, one.attributes.get("name", "").replace(".", "/")) == (kind, name.replace(".", "/")) for one in assembly.added):
+    added_names = {(added.section, added.attributes.get("name", "").replace(".", "/")) for added in assembly.added}
+    if (kind, name.replace(".", "/")) in added_names:
         return True
     joints = {joint.path for mate in assembly.mates for joint in mate.joints}
     return (kind == "joint" and name in joints) or (kind == "actuator" and name in assembly.drives.values())
@@ -95,39 +97,39 @@ class _Target:
         for element in model.find_or_empty("worldbody").walk():
             self.names.setdefault("joint" if element.tag == "freejoint" else element.tag, set()).add(element.get("name"))
         for kind in ("tendon", "actuator"):
-            self.names[kind] = {one.get("name") for one in model.find_or_empty(kind).children}
+            self.names[kind] = {child.get("name") for child in model.find_or_empty(kind).children}
 
-    def add(self, wanted: RawElement) -> tuple[str, str] | None:
+    def add(self, raw_element: RawElement) -> tuple[str, str] | None:
         """Add an element to the model. Return the kind and the name of a missing target, or None if the element was added."""
-        made = self.make_element(wanted)
-        if isinstance(made, tuple):
-            return made
-        later = SECTIONS[SECTIONS.index(wanted.section) + 1 :]
-        self.model.child(wanted.section, before=later).children.append(made)
-        if wanted.section in self.names and "name" in made.attributes:
-            self.names[wanted.section].add(made.get("name"))
-        self.drives += wanted.section == "actuator"
+        element = self.make_element(raw_element)
+        if isinstance(element, tuple):
+            return element
+        later = SECTIONS[SECTIONS.index(raw_element.section) + 1 :]
+        self.model.child(raw_element.section, before=later).children.append(element)
+        if raw_element.section in self.names and "name" in element.attributes:
+            self.names[raw_element.section].add(element.get("name"))
+        self.drives += raw_element.section == "actuator"
         return None
 
-    def make_element(self, wanted: RawElement) -> Element | tuple[str, str]:
+    def make_element(self, raw_element: RawElement) -> Element | tuple[str, str]:
         """Create the MJCF element for a raw element of a document.
 
         If the raw element refers to an element that does not exist, return the kind and the name of this element instead.
         """
-        made = Element(tag=wanted.tag, attributes=dict(wanted.attributes), origin=wanted.origin)
-        for name, value in wanted.attributes.items():
-            kind = named_kind(wanted.attributes, name)
+        element = Element(tag=raw_element.tag, attributes=dict(raw_element.attributes), origin=raw_element.origin)
+        for name, value in raw_element.attributes.items():
+            kind = named_kind(raw_element.attributes, name)
             if kind is not None and name != "name":
-                called = self.find_name(kind, value)
-                if called is None:
+                model_name = self.find_name(kind, value)
+                if model_name is None:
                     return kind, value
-                made.attributes[name] = called
-        for child in wanted.children:
+                element.attributes[name] = model_name
+        for child in raw_element.children:
             inner = self.make_element(child)
             if isinstance(inner, tuple):
                 return inner
-            made.children.append(inner)
-        return made
+            element.children.append(inner)
+        return element
 
     def find_name(self, kind: str, path: str) -> str | None:
         """Return the name of the element in this model that has the given kind and document path. Return None if there is no such element.
@@ -138,28 +140,28 @@ class _Target:
         name = path if plain else CoordinateName(path.replace("/", ".")).path
         if name in self.names.get(kind, ()) or kind not in KINDS:
             return name
-        named = next((one for one in self.names.get(kind, ()) if one.replace(".", "/") == path), None)  # linked names have `/` for `.`
-        if named is not None:
-            return named
+        linked = next((known for known in self.names.get(kind, ()) if known.replace(".", "/") == path), None)  # `/` in place of `.`
+        if linked is not None:
+            return linked
         assembly = self.robot.assembly
         if kind == "body":
-            links = (assembly.links[assembly.link_of[one.index]].name for one in assembly.occurrences if one.path == path)
+            links = (assembly.links[assembly.link_of[part.index]].name for part in assembly.occurrences if part.path == path)
             return next((link for link in links if link in self.names["body"]), None)
         if kind == "site":
             owner, _, mount = path.rpartition("/")
-            for one in assembly.occurrences:
-                link = assembly.links[assembly.link_of[one.index]].name
-                if one.path == owner and mount in one.mounts and link in self.names["body"]:  # not between joints of one body
+            for part in assembly.occurrences:
+                link = assembly.links[assembly.link_of[part.index]].name
+                if part.path == owner and mount in part.mounts and link in self.names["body"]:  # not between joints of one body
                     body = next(body for body in self.model.walk() if body.tag == "body" and body.attributes["name"] == link)
-                    pose = in_link(assembly)[one.index] @ one.mounts[mount].pose
-                    body.insert(elements.site(path, pose, one.origin), before=("body",))
+                    pose = in_link(assembly)[part.index] @ part.mounts[mount].pose
+                    body.insert(elements.site(path, pose, part.origin), before=("body",))
                     self.names.setdefault("site", set()).add(path)
                     return path
         return None
 
-    def command(self) -> None:
+    def add_controls(self) -> None:
         """Set the controls of drives that were added to 0 in all keyframes."""
         section = self.model.find_or_empty("keyframe")
-        for place, key in enumerate(section.children if self.drives else ()):
+        for index, key in enumerate(section.children if self.drives else ()):
             ctrl = " ".join([*key.get("ctrl").split(), *["0"] * self.drives])
-            section.children[place] = Element(tag=key.tag, attributes={**key.attributes, "ctrl": ctrl}, origin=key.origin)
+            section.children[index] = Element(tag=key.tag, attributes={**key.attributes, "ctrl": ctrl}, origin=key.origin)

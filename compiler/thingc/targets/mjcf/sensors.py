@@ -134,10 +134,9 @@ def _missing(robot: Robot, sensor: LinkedSensor) -> str:
     movable = {joint.path for body in robot.bodies for joint in body.joints}
     if sensor.joint is not None and sensor.joint not in movable:
         return f"a loop is cut at joint `{sensor.joint}`"
-    there = {one.path for one in tendons.present(robot)}
-    if sensor.tendon is not None and sensor.tendon not in there:
+    if sensor.tendon is not None and sensor.tendon not in {tendon.path for tendon in tendons.present(robot)}:
         return f"the mode has no tendon `{sensor.tendon}`"
-    driven = {*robot.present, *(one.path for one in tendons.driven_tendons(robot))}
+    driven = {*robot.present, *(tendon.path for tendon in tendons.driven_tendons(robot))}
     if sensor.kind == "drive" and (sensor.joint or sensor.tendon) not in driven:
         return f"the mode has no drive of `{sensor.joint or sensor.tendon}`"
     return ""
@@ -150,14 +149,13 @@ def losses(robot: Robot) -> Iterator[Loss]:
     MuJoCo's accelerometer reads 0. On any other body at rest, it reads 9.81 m/s^2.
     """
     for sensor in robot.assembly.sensors:
-        missing = _missing(robot, sensor)
-        what = f"this sensor: {missing}" if missing else ""
-        how: How = "omitted"
-        if not missing and sensor.kind in ("imu", "accelerometer") and stays(robot.base) and body_of(robot, sensor) == 0:
-            what, how = "gravity in the accelerometer: MuJoCo reports no acceleration for a body at rest", "approximated"
-        elif not missing and sensor.kind == "force":
-            place = describe_force_place(robot, sensor)
-            if place is not None:
-                what, how = f"the force at the mount: the sensor measures the force {place}", "approximated"
-        if what:
-            yield Loss("mjcf", robot.mode.name, sensor.path, what, how, sensor.origin)
+        how: How = "approximated"
+        if missing := _missing(robot, sensor):
+            what, how = f"this sensor: {missing}", "omitted"
+        elif sensor.kind in ("imu", "accelerometer") and stays(robot.base) and body_of(robot, sensor) == 0:
+            what = "gravity in the accelerometer: MuJoCo reports no acceleration for a body at rest"
+        elif sensor.kind == "force" and (place := describe_force_place(robot, sensor)) is not None:
+            what = f"the force at the mount: the sensor measures the force {place}"
+        else:
+            continue
+        yield Loss("mjcf", robot.mode.name, sensor.path, what, how, sensor.origin)

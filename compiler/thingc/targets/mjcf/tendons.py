@@ -25,14 +25,17 @@ def present(robot: Robot) -> tuple[LinkedTendon, ...]:
     """Return the tendons that a mode contains. All joints of such a tendon are in the tree of the mode, and all its mounts are on bodies of
     the mode.
     """
-    there = {joint.path for body in robot.bodies for joint in body.joints}
+    joint_paths = {joint.path for body in robot.bodies for joint in body.joints}
     sites = merged_joints.sites(robot)
-    return tuple(one for one in robot.assembly.tendons if there.issuperset(one.moves) and all(mount.path in sites for mount in one.mounts))
+    return tuple(
+        tendon for tendon in robot.assembly.tendons
+        if joint_paths.issuperset(tendon.moves) and all(mount.path in sites for mount in tendon.mounts)
+    )
 
 
 def driven_tendons(robot: Robot) -> tuple[LinkedTendon, ...]:
     """Return the tendons of a mode that have a drive."""
-    return tuple(one for one in present(robot) if one.actuator is not None and one.path in robot.pulled)
+    return tuple(tendon for tendon in present(robot) if tendon.actuator is not None and tendon.path in robot.pulled)
 
 
 def tendons(robot: Robot, section: Element) -> None:
@@ -40,26 +43,26 @@ def tendons(robot: Robot, section: Element) -> None:
 
     A tendon over joints becomes a `fixed` tendon, and a tendon along a path becomes a `spatial` tendon.
     """
-    for one in present(robot):
-        attributes: dict[str, XmlValue] = {"name": one.path}
-        bounds = joint_range(one.limit)
+    for tendon in present(robot):
+        attributes: dict[str, XmlValue] = {"name": tendon.path}
+        bounds = joint_range(tendon.limit)
         if bounds is not None:
             attributes["range"] = bounds
-        attributes |= dynamics_attributes(one.dynamics)
+        attributes |= dynamics_attributes(tendon.dynamics)
         attributes.pop("springref", None)
-        if one.dynamics.stiffness is not None:
-            attributes["springlength"] = one.dynamics.rest or 0.0
-        if one.width is not None:
-            attributes["width"] = one.width / 2.0  # MuJoCo's width is a radius
-        element = section.add("spatial" if one.steps else "fixed", attributes, one.origin)
-        for path, factor in one.moves.items():
-            element.add("joint", {"joint": path, "coef": factor}, one.origin)
-        for place, step in enumerate(one.steps):
+        if tendon.dynamics.stiffness is not None:
+            attributes["springlength"] = tendon.dynamics.rest or 0.0
+        if tendon.width is not None:
+            attributes["width"] = tendon.width / 2.0  # MuJoCo's width is a radius
+        element = section.add("spatial" if tendon.steps else "fixed", attributes, tendon.origin)
+        for path, factor in tendon.moves.items():
+            element.add("joint", {"joint": path, "coef": factor}, tendon.origin)
+        for place, step in enumerate(tendon.steps):
             if step.divisor is not None:
                 element.add("pulley", {"divisor": step.divisor}, step.origin)
             elif step.shape is not None:
                 side = {} if step.side is None else {"sidesite": step.side.path}
-                element.add("geom", {"geom": _shape(one, place), **side}, step.origin)
+                element.add("geom", {"geom": _shape(tendon, place), **side}, step.origin)
             elif step.mount is not None:
                 element.add("site", {"site": step.mount.path}, step.origin)
 
@@ -74,23 +77,23 @@ def shapes(robot: Robot, bodies: Mapping[int, Element]) -> None:
     These geoms have no contacts and no mass. Wrapped spheres and cylinders are drawn like collision geoms.
     """
     sites = merged_joints.sites(robot)
-    for one in present(robot):
-        for place, step in enumerate(one.steps):
+    for tendon in present(robot):
+        for place, step in enumerate(tendon.steps):
             if step.mount is not None and step.radius is not None and step.shape is not None:
                 site = sites[step.mount.path]
                 # for a tendon, MuJoCo treats a cylinder as infinite; its length is only visual
                 size = (step.radius,) if step.shape == "sphere" else (step.radius, step.radius)
-                attributes = {"name": _shape(one, place), "type": step.shape, "size": size, **pose_attributes(site.pose)}
+                attributes = {"name": _shape(tendon, place), "type": step.shape, "size": size, **pose_attributes(site.pose)}
                 attributes |= {"contype": "0", "conaffinity": "0", "group": "3", "mass": "0"}
                 bodies[site.body].add("geom", attributes, step.origin)
 
 
 def drives(robot: Robot, section: Element) -> None:
     """Add an actuator for each tendon with a drive."""
-    for one in driven_tendons(robot):
-        if one.actuator is not None:
-            values = drive_attributes(_limit_positions(robot, one), one.actuator, time_step(robot))
-            section.add(one.actuator.kind, {"name": one.actuator.name or one.path, "tendon": one.path, **values}, one.actuator.origin)
+    for tendon in driven_tendons(robot):
+        if (drive := tendon.actuator) is not None:
+            values = drive_attributes(_limit_positions(robot, tendon), drive, time_step(robot))
+            section.add(drive.kind, {"name": drive.name or tendon.path, "tendon": tendon.path, **values}, drive.origin)
 
 
 def _limit_positions(robot: Robot, tendon: LinkedTendon) -> LinkedTendon:
@@ -117,22 +120,22 @@ def controls(robot: Robot, q: Mapping[str, float]) -> Iterator[float]:
 
     The control value is the tendon length for a position drive, and 0 for any other drive.
     """
-    for one in driven_tendons(robot):
-        position = one.actuator is not None and one.actuator.kind == "position"
-        yield 0.0 if not position else course_of(robot, one, body_poses(robot, q)).length if one.steps else one.length(q)
+    for tendon in driven_tendons(robot):
+        position = tendon.actuator is not None and tendon.actuator.kind == "position"
+        yield 0.0 if not position else course_of(robot, tendon, body_poses(robot, q)).length if tendon.steps else tendon.length(q)
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
     """Yield an export loss for each tendon that a mode omits, and for each armature of a tendon that MuJoCo simulates only partly."""
-    there = present(robot)
-    for one in robot.assembly.tendons:
-        if one not in there:
+    joint_paths = present(robot)
+    for tendon in robot.assembly.tendons:
+        if tendon not in joint_paths:
             between = "MuJoCo does not support sites between two joints of a body"
-            what = f"this tendon: {between if one.steps else 'a loop is cut at a joint of the tendon'}"
-            yield Loss("mjcf", robot.mode.name, one.path, what, "omitted", one.origin)
-        elif one.dynamics.armature and _branches(robot, one):
+            what = f"this tendon: {between if tendon.steps else 'a loop is cut at a joint of the tendon'}"
+            yield Loss("mjcf", robot.mode.name, tendon.path, what, "omitted", tendon.origin)
+        elif tendon.dynamics.armature and _branches(robot, tendon):
             what = "the armature: MuJoCo omits the inertia that couples joints on different branches of the tree"
-            yield Loss("mjcf", robot.mode.name, one.path, what, "approximated", one.origin)
+            yield Loss("mjcf", robot.mode.name, tendon.path, what, "approximated", tendon.origin)
 
 
 def _branches(robot: Robot, tendon: LinkedTendon) -> bool:

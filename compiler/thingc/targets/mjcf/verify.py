@@ -68,16 +68,16 @@ def check(candidates: Sequence[Candidate], geometry: Geometry, store: Store, rep
     pending = [candidate for candidate in candidates if not accepted.model(candidate.texts, started=starts)]
     representatives: dict[str, Candidate] = {}
     leaders: dict[str, Candidate] = {}  # by mode: the candidate whose initial state is checked; other modes were accepted before
-    for each in pending if starts else ():
-        key = initial_state_checks.key(each.model.text, each.robot)
+    for candidate in pending if starts else ():
+        key = initial_state_checks.key(candidate.model.text, candidate.robot)
         if key in representatives or not accepted.start(key):
-            leaders[each.mode] = representatives.setdefault(key, each)
+            leaders[candidate.mode] = representatives.setdefault(key, candidate)
     states: dict[str, initial_state_checks.InitialState] = {}
     verified: set[str] = set()
-    true_meshes = {shape.mesh for each in geometry.shapes for shape in each.collision if shape.mesh is not None}
-    unreduced = any(changes_meshes(each.root) for each in pending)
+    true_meshes = {shape.mesh for shapes in geometry.shapes for shape in shapes.collision if shape.mesh is not None}
+    unreduced = any(changes_meshes(candidate.root) for candidate in pending)
     replacements = [] if unreduced or not pending else _check_meshes_separately(accepted, true_meshes if representatives else ())
-    checked_modes = {each.mode for each in representatives.values()}
+    checked_modes = {candidate.mode for candidate in representatives.values()}
     for candidate, result, files in _compile_scenes(pending, accepted, checked_modes, true_meshes, verified, replacements):
         if result.error is not None:
             _explain(candidate, files, report, scene_error=result.error)
@@ -92,11 +92,11 @@ def check(candidates: Sequence[Candidate], geometry: Geometry, store: Store, rep
         if not result.warnings and (leader is None or candidate.mode in states and states[candidate.mode].in_order):
             accepted.accept(candidate.texts, started=starts)
             memo.keep(*_state_independent_key(candidate), True)
-            followers = [each for each in pending if leader is candidate and leaders.get(each.mode) is candidate]
-            verified.update(each.mode for each in followers if memo.last(*_state_independent_key(each)))
+            followers = [other for other in pending if leader is candidate and leaders.get(other.mode) is candidate]
+            verified.update(other.mode for other in followers if memo.last(*_state_independent_key(other)))
         for warning in result.warnings:
             _report_message(Code.MJCF_WARNING, "warns of", warning, candidate, candidate.model, report, severity=Severity.WARNING)
-    initial_state_checks.report_states([states[each.mode] for each in pending if each.mode in states], report)
+    initial_state_checks.report_states([states[candidate.mode] for candidate in pending if candidate.mode in states], report)
 
 
 def _compile_scenes(

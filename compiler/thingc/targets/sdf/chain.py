@@ -123,6 +123,6 @@ def _as_held(robot: Robot, q: dict[str, float]) -> Pose:
         return base
     X_WB = placed_bodies(robot.bodies, q, base)[hold.child] @ hold.X_CB
     if hold.turns:
-        shift = [wanted - found for wanted, found in zip(hold.X_PA.translation, X_WB.translation, strict=True)]
+        shift = [target - found for target, found in zip(hold.X_PA.translation, X_WB.translation, strict=True)]
         return Pose(translation=(shift[0], shift[1], shift[2])) @ base
     return hold.X_PA @ X_WB.inverse() @ base

@@ -70,16 +70,16 @@ def moves(joints: Sequence[TreeJoint], X_PL: Pose, mimics: Mapping[str, tuple[Jo
     for joint in joints[:1] if joints and joints[0].kind.free else joints:
         twist, at, mimic = joint.twist, make_translation(*joint.twist.anchor), mimics.get(joint.path)
         kind: Literal["turn", "slide"] = "turn" if twist.turns else "slide"
-        one = Move(path=joint.path, type=kind, axis=twist.axis, origin=before @ at, joint=joint, mimic=mimic)
+        move = Move(path=joint.path, type=kind, axis=twist.axis, origin=before @ at, joint=joint, mimic=mimic)
         form = CAPABILITIES["joints"][joint_cell(joint.kind)].by
         match form:
             case "each":
-                yield one
+                yield move
             case "floating":
-                yield replace(one, path=joint.path.rpartition("_")[0], type="floating", origin=X_PL)
+                yield replace(move, path=joint.path.rpartition("_")[0], type="floating", origin=X_PL)
             case "threaded":
-                yield one
+                yield move
                 leader, multiplier, offset = mimic or (joint, 1.0, 0.0)
                 follows = leader, multiplier * twist.pitch, offset * twist.pitch
-                yield replace(one, path=f"{joint.path}{SLIDE}", type="slide", origin=NO_POSE, mimic=follows, thread=twist.pitch)
+                yield replace(move, path=f"{joint.path}{SLIDE}", type="slide", origin=NO_POSE, mimic=follows, thread=twist.pitch)
         before = at.inverse()

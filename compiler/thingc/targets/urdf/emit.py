@@ -30,10 +30,10 @@ def emit(request: EmitRequest) -> Artifacts:
         tree.children.insert(0, mujoco_extension(robot))
     raw.apply(assembly, request.robots, "urdf", trees, request.report)
     for robot, tree in zip(request.robots, trees, strict=True):
-        said = heading(assembly.definition.document, robot.mode.name)
-        files[f"urdf/{assembly.name}_{robot.mode.name}.urdf"] = write(tree, said).text.encode()
-    lost = (*losses("urdf", CAPABILITIES, assembly, request.robots), *transmission_losses("urdf", request.robots))
-    return Artifacts(files=dict(sorted(files.items())), losses=tuple(dict.fromkeys((*flat, *lost))))
+        comment = heading(assembly.definition.document, robot.mode.name)
+        files[f"urdf/{assembly.name}_{robot.mode.name}.urdf"] = write(tree, comment).text.encode()
+    all_losses = (*losses("urdf", CAPABILITIES, assembly, request.robots), *transmission_losses("urdf", request.robots))
+    return Artifacts(files=dict(sorted(files.items())), losses=tuple(dict.fromkeys((*flat, *all_losses))))
 
 
 def _uri(request: EmitRequest) -> str:

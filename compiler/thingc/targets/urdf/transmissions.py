@@ -71,28 +71,28 @@ def coupled_transmissions(robot: Robot) -> Iterator[RosTransmission]:
         yield RosTransmission(safe(name), plugin, actuators, {first: 1.0, second: last}, drive.kind, rows[0].origin)
 
 
-def urdf_transmission(of: RosTransmission) -> Element:
+def urdf_transmission(transmission: RosTransmission) -> Element:
     """Return the `<transmission>` element of a URDF file. Simple transmissions have their ratio at the actuator, as ROS 1 requires."""
-    element = Element(tag="transmission", attributes={"name": of.name}, origin=of.origin)
-    element.add_text("type", f"transmission_interface/{of.plugin}")
-    alone = len(of.joints) == 1
-    for k, (name, ratio) in enumerate(of.joints.items(), start=1):
+    element = Element(tag="transmission", attributes={"name": transmission.name}, origin=transmission.origin)
+    element.add_text("type", f"transmission_interface/{transmission.plugin}")
+    alone = len(transmission.joints) == 1
+    for k, (name, ratio) in enumerate(transmission.joints.items(), start=1):
         element.add("joint", {"name": name}).fill({
-            "hardwareInterface": f"hardware_interface/{INTERFACES[of.kind]}", "role": None if alone else f"joint{k}",
+            "hardwareInterface": f"hardware_interface/{INTERFACES[transmission.kind]}", "role": None if alone else f"joint{k}",
             "mechanicalReduction": None if alone else ratio,
         })
-    for k, (name, ratio) in enumerate(of.actuators.items(), start=1):
+    for k, (name, ratio) in enumerate(transmission.actuators.items(), start=1):
         element.add("actuator", {"name": name}).fill({
-            "role": None if alone else f"actuator{k}", "mechanicalReduction": of.joints[name] if alone else ratio,
+            "role": None if alone else f"actuator{k}", "mechanicalReduction": transmission.joints[name] if alone else ratio,
         })
     return element
 
 
-def control_transmission(of: RosTransmission) -> Element:
+def control_transmission(transmission: RosTransmission) -> Element:
     """Return the `<transmission>` element of a `<ros2_control>` element."""
-    element = Element(tag="transmission", attributes={"name": of.name}, origin=of.origin)
-    element.add_text("plugin", f"transmission_interface/{of.plugin}")
-    for tag, reductions in (("actuator", of.actuators), ("joint", of.joints)):
+    element = Element(tag="transmission", attributes={"name": transmission.name}, origin=transmission.origin)
+    element.add_text("plugin", f"transmission_interface/{transmission.plugin}")
+    for tag, reductions in (("actuator", transmission.actuators), ("joint", transmission.joints)):
         for k, (name, ratio) in enumerate(reductions.items(), start=1):
             element.add(tag, {"name": name, "role": f"{tag}{k}"}).add_text("mechanical_reduction", ratio)
     return element
@@ -101,7 +101,7 @@ def control_transmission(of: RosTransmission) -> Element:
 def transmission_losses(target: str, robots: Sequence[Robot]) -> Iterator[Loss]:
     """Yield an export loss for each differential that no transmission type of ROS can represent."""
     for robot in robots:
-        written = {one.name for one in coupled_transmissions(robot)}
+        written = {transmission.name for transmission in coupled_transmissions(robot)}
         for name, rows in differentials(robot).items():
             if safe(name) not in written:
                 what = "the transmission of this differential: ROS only has transmissions of two actuators, with a symmetric matrix"

@@ -83,14 +83,14 @@ def _all(kind: str, model: Prim) -> list[Prim]:
 def _apply(attribute: RawAttribute, prim: Prim) -> Fault | None:
     """Apply a raw attribute to a USD prim. Return the error if the attribute is invalid, or else None."""
     key, value, last = attribute.path[-1], json.loads(attribute.value), len(attribute.path)
-    invalid = NO_CHARACTER.search("".join(item for item in (value if isinstance(value, list) else [value]) if isinstance(item, str)))
+    items = value if isinstance(value, list) else [value]
+    invalid = NO_CHARACTER.search("".join(item for item in items if isinstance(item, str)))
     if invalid is not None:
         return f"a string in USD cannot contain the character `{escape_control(invalid[0])}`", "remove the character", last
     if key == SCHEMAS:
-        schemas = value if isinstance(value, list) else [value]
-        if not all(isinstance(item, str) and re.fullmatch(_NAME, item, re.ASCII) for item in schemas):
+        if not all(isinstance(item, str) and re.fullmatch(_NAME, item, re.ASCII) for item in items):
             return f"`{SCHEMAS}` must be a list of names of schemas", "write, for example, `[PhysxJointAPI]`", last
-        prim.schemas += [item for item in dict.fromkeys(schemas) if item not in prim.schemas]
+        prim.schemas += [item for item in dict.fromkeys(items) if item not in prim.schemas]
         return None
     if (named := _KEY.fullmatch(key)) is None:
         hint = "write its name, `physics:breakForce`, or its type and its name, `token physxScene:solverType`"

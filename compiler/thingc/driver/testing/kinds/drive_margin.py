@@ -45,7 +45,8 @@ class Instant(NamedTuple):
 
 def measure(case: TestCase, check: DriveCheck) -> Outcome:
     """Measure the smallest margin of the tested drives during a motion: the effort that is available, divided by the effort needed."""
-    motion = with_closed_loops(case.robot, next(each for each in case.robot.assembly.definition.motions if each.name == check.motion))
+    motions = {motion.name: motion for motion in case.robot.assembly.definition.motions}
+    motion = with_closed_loops(case.robot, motions[check.motion])
     if motion is None:
         return Outcome(summary="the loops do not close", failure=Failure(
             code=Code.TEST_DRIVE, key="motion", message="the loops of the mode do not close during the motion",

@@ -18,8 +18,6 @@ from thingc.targets.mjcf.compat.pymjcf import PYMJCF, SEPARATOR
 from thingc.targets.mjcf.compat.warp import WARP
 from thingc.targets.xml_writer import Element
 
-__all__ = ["CONSUMERS", "separator", "suited"]
-
 CONSUMERS: tuple[Consumer, ...] = (MJX, WARP, DRAKE, PYMJCF)
 """The consumers, in the order in which models are adapted to them. Names are changed last, by the last consumer."""
 
@@ -44,8 +42,8 @@ def adapt_models(
             losses |= dict.fromkeys(consumer.adapt(robot, root))
             for refusal in dict.fromkeys(consumer.find_refusals(robot, root)):
                 refused.setdefault((consumer.label, refusal), []).append(robot.mode.name)
-    for (label, one), modes in refused.items():
+    for (label, refusal), modes in refused.items():
         which = f"mode{'' if len(modes) == 1 else 's'} {', '.join(f'`{mode}`' for mode in modes)}"
-        message = f"{label} cannot load {which}: {one.what}"
-        report.warn(Code.COMPAT, message, one.origin, path=one.path, help=one.hint, allow=True)
+        message = f"{label} cannot load {which}: {refusal.what}"
+        report.warn(Code.COMPAT, message, refusal.origin, path=refusal.path, help=refusal.hint, allow=True)
     return adapted, losses

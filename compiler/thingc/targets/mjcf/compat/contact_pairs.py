@@ -35,7 +35,7 @@ class ContactGeom(FrozenStruct):
     def meets(self, other: ContactGeom) -> bool:
         """Return whether the masks of two geoms allow contacts."""
         (type_1, affinity_1), (type_2, affinity_2) = (
-            (int(one.values.get("contype", "1")), int(one.values.get("conaffinity", "1"))) for one in (self, other)
+            (int(geom.values.get("contype", "1")), int(geom.values.get("conaffinity", "1"))) for geom in (self, other)
         )
         return bool(type_1 & affinity_2 or type_2 & affinity_1)
 
@@ -59,27 +59,28 @@ def pairs(root: Element) -> Iterator[tuple[ContactGeom, ContactGeom]]:
     bodies = list(_bodies(root))
     index = {body.get("name"): number for number, (body, _) in enumerate(bodies)}
     contact = root.find_or_empty("contact").children
-    excluded = {frozenset((index.get(one.get("body1")), index.get(one.get("body2")))) for one in contact if one.tag == "exclude"}
+    excluded = {frozenset(index.get(item.get(body)) for body in ("body1", "body2")) for item in contact if item.tag == "exclude"}
     rigid: list[int] = []  # for every body, the body to which it is rigidly connected: itself or the world
     for number, (body, parent) in enumerate(bodies):
         moves = body.get("mocap") == "true" or any(child.tag in ("joint", "freejoint") for child in body.children)
         rigid.append(number if moves else WORLD if parent is None else rigid[parent])
     geoms = [list(_geoms(body, classes)) for body, _ in bodies]
-    carrier = [WORLD if bodies[one][1] is None else rigid[bodies[one][1] or 0] for one in range(len(bodies))]
+    carrier = [WORLD if parent is None else rigid[parent] for _, parent in bodies]
     for number, own in enumerate(geoms):
         if rigid[number] != WORLD:
             yield from ((FLOOR, geom) for geom in own if FLOOR.meets(geom))
-    for one, other in combinations(range(len(bodies)), 2):
-        a, b = rigid[one], rigid[other]
-        if a == b or frozenset((one, other)) in excluded:
+    for first, second in combinations(range(len(bodies)), 2):
+        a, b = rigid[first], rigid[second]
+        if a == b or frozenset((first, second)) in excluded:
             continue
         if WORLD not in (a, b) and (carrier[a] == b or carrier[b] == a):
             continue
-        yield from (pair for pair in product(geoms[one], geoms[other]) if pair[0].meets(pair[1]))
+        yield from (pair for pair in product(geoms[first], geoms[second]) if pair[0].meets(pair[1]))
     named = {geom.values.get("name"): geom for own in geoms for geom in own}
-    for first, second in ((one.get("geom1"), one.get("geom2")) for one in contact if one.tag == "pair"):
-        if first in named and second in named:
-            yield named[first], named[second]
+    for item in contact:
+        first_name, second_name = item.get("geom1"), item.get("geom2")
+        if item.tag == "pair" and first_name in named and second_name in named:
+            yield named[first_name], named[second_name]
 
 
 def defaults(root: Element, tag: str) -> dict[str, dict[str, str]]:
@@ -110,8 +111,8 @@ def _bodies(root: Element) -> Iterator[tuple[Element, int | None]]:
 
 def _geoms(body: Element, classes: Mapping[str, Values]) -> Iterator[ContactGeom]:
     """Yield the geoms of a body that can collide with other geoms."""
-    for one in body.children:
-        if one.tag == "geom":
-            values = {**classes.get(one.get("class", "main"), {}), **one.texts}
+    for element in body.children:
+        if element.tag == "geom":
+            values = {**classes.get(element.get("class", "main"), {}), **element.texts}
             if values.get("contype", "1") != "0" or values.get("conaffinity", "1") != "0":
-                yield ContactGeom(element=one, values=values)
+                yield ContactGeom(element=element, values=values)

@@ -40,20 +40,20 @@ def _adapt(robot: Robot, root: Element) -> Iterator[Loss]:
     for parent in list(root.walk()):
         parent.children[:] = [_wrap_rotated(child) if _is_misread(child) else child for child in parent.children]
     for section in root.children:
-        for index, one in enumerate(section.children):
-            if one.tag in ("position", "velocity") and "ctrlrange" in one.attributes.keys() - one.raw.keys():
-                rest = {name: value for name, value in one.attributes.items() if name != "ctrlrange"}
-                section.children[index] = Element(tag=one.tag, attributes=rest, origin=one.origin, raw=one.raw)
-                yield Loss("mjcf", None, _path(one), COMMANDS, "omitted", one.origin)
+        for index, item in enumerate(section.children):
+            if item.tag in ("position", "velocity") and "ctrlrange" in item.attributes.keys() - item.raw.keys():
+                rest = {name: value for name, value in item.attributes.items() if name != "ctrlrange"}
+                section.children[index] = Element(tag=item.tag, attributes=rest, origin=item.origin, raw=item.raw)
+                yield Loss("mjcf", None, _path(item), COMMANDS, "omitted", item.origin)
         if section.tag == "sensor":
-            for path in dict.fromkeys(_path(one) for one in section.children):
-                origin = next(one.origin for one in section.children if _path(one) == path)
+            for path in dict.fromkeys(_path(item) for item in section.children):
+                origin = next(item.origin for item in section.children if _path(item) == path)
                 yield Loss("mjcf", None, path, "the sensor: not supported by Drake", "omitted", origin)
-        for one in section.children:
-            what = SECTIONS.get((section.tag, one.tag)) or ("the delay of the drive" if "delay" in one.attributes else None)
+        for item in section.children:
+            what = SECTIONS.get((section.tag, item.tag)) or ("the delay of the drive" if "delay" in item.attributes else None)
             if what is not None:
-                own = robot.mode.name if one.tag in ("weld", "connect") else None
-                yield Loss("mjcf", own, _path(one), f"{what}: not supported by Drake", "omitted", one.origin)
+                own = robot.mode.name if item.tag in ("weld", "connect") else None
+                yield Loss("mjcf", own, _path(item), f"{what}: not supported by Drake", "omitted", item.origin)
     for element in root.find_or_empty("worldbody").walk():
         for name in element.attributes:
             what = ATTRIBUTES.get((element.tag, name))
