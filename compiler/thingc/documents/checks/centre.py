@@ -10,7 +10,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import LENGTH
 from thingc.documents.checks.kind import CheckKind
-from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.base import Model, optional, rule
 from thingc.documents.spec.fields import LengthField
 from thingc.documents.spec.name_types import ComponentField, ModeNames, PoseNames, ShownMountField
 
@@ -26,11 +26,11 @@ class WithinSpec(Model):
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
-    x: Interval | None = Field(default=None, examples=[["-10 mm", "10 mm"]])
+    x: Interval | None = optional(["-10 mm", "10 mm"])
     """Smallest and largest x coordinate."""
-    y: Interval | None = Field(default=None, examples=[["-10 mm", "10 mm"]])
+    y: Interval | None = optional(["-10 mm", "10 mm"])
     """Smallest and largest y coordinate."""
-    z: Interval | None = Field(default=None, examples=[[0, "120 mm"]])
+    z: Interval | None = optional([0, "120 mm"])
     """Smallest and largest z coordinate."""
 
     def _check_rules(self) -> None:
@@ -44,9 +44,9 @@ class CentreTest(Model):
     of: ComponentField | None = None
     """The name of a component, or a pattern for several components; default: the whole robot."""
     in_: ShownMountField | None = Field(default=None, alias="in", description="The frame, a mount; default: the world of the mode.")
-    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    mode: ModeNames | None = optional("bench", ["bench", "wall"])
     """Names or patterns of modes, or `all`; default: the first mode."""
-    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    pose: PoseNames | None = optional("home", "leg_*", ["home", "reach"])
     """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
     within: WithinSpec = Field(examples=[{"x": ["-10 mm", "10 mm"], "y": ["-10 mm", "10 mm"]}])
     """Bounds on the coordinates of the centre of mass in that frame."""

@@ -10,7 +10,7 @@ from thingc.base.diagnostics import Code
 from thingc.base.units import NUMBER
 from thingc.documents.checks.kind import CheckKind
 from thingc.documents.checks.torque_margin import TorqueCheck, link, unused_drives
-from thingc.documents.spec.base import Model
+from thingc.documents.spec.base import Model, optional
 from thingc.documents.spec.fields import NumberField
 from thingc.documents.spec.name_types import JointNames, ModeNames, MotionField
 
@@ -25,7 +25,7 @@ class DriveMarginTest(Model):
     """A motion of this document."""
     drive: JointNames = Field(default="*", examples=["shoulder", ["shoulder", "leg_*"]])
     """Names or patterns of driven joints; default: all."""
-    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    mode: ModeNames | None = optional("bench", ["bench", "wall"])
     """Names or patterns of modes whose base is not `free`, or `all`; default: all these modes that use one of the drives."""
     min: NumberField
     """The smallest allowed margin. For example, 1.5 requires 1.5 times the effort that the motion needs."""

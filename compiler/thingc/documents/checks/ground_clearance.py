@@ -10,7 +10,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import LENGTH
 from thingc.documents.checks.kind import CheckKind
-from thingc.documents.spec.base import Model
+from thingc.documents.spec.base import Model, optional
 from thingc.documents.spec.fields import LengthField
 from thingc.documents.spec.name_types import ComponentField, ModeNames, PoseNames
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 class GroundClearanceTest(Model):
     """The robot must keep a minimum distance from a horizontal plane, in one or several poses."""
 
-    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    mode: ModeNames | None = optional("bench", ["bench", "wall"])
     """Names or patterns of modes, or `all`; default: the first mode."""
-    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    pose: PoseNames | None = optional("home", "leg_*", ["home", "reach"])
     """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
     plane: LengthField | None = None
     """The z coordinate of the plane in the world of the mode; default: 0, the floor of the scene."""

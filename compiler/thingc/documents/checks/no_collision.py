@@ -12,7 +12,7 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import Origin
 from thingc.base.units import ANGLE, LENGTH, NUMBER
 from thingc.documents.checks.kind import CheckKind
-from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.base import Model, optional, rule
 from thingc.documents.spec.fields import CountField, LengthField, Value, quantity
 from thingc.documents.spec.name_types import ComponentField, JointPattern, ModeNames, PoseNames
 
@@ -45,9 +45,9 @@ class NoCollisionTest(Model):
 
     model_config = ConfigDict(json_schema_extra={"dependentRequired": {"samples": ["joints"], "certify": ["joints"]}})
 
-    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    mode: ModeNames | None = optional("bench", ["bench", "wall"])
     """Names or patterns of modes, or `all`; default: the first mode."""
-    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    pose: PoseNames | None = optional("home", "leg_*", ["home", "reach"])
     """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
     joints: (
         Literal["all"] | Annotated[list[JointPattern], Field(min_length=1)]

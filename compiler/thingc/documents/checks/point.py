@@ -12,7 +12,7 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Vector
 from thingc.base.units import ANGLE, LENGTH
 from thingc.documents.checks.kind import CheckKind, read_direction
-from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.base import Model, optional, rule
 from thingc.documents.spec.fields import AngleField, LengthField, NumberField, Vector3Length
 from thingc.documents.spec.name_types import ModeNames, ShownMountField
 
@@ -31,7 +31,7 @@ class PointTest(Model):
 
     mount: ShownMountField
     """The mount that must reach the point."""
-    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    mode: ModeNames | None = optional("bench", ["bench", "wall"])
     """Names or patterns of modes, or `all`; default: the first mode."""
     in_: ShownMountField | None = Field(
         default=None, alias="in", description="The frame of the point, a mount; default: the world of the mode.",
@@ -40,7 +40,7 @@ class PointTest(Model):
     """The point."""
     within: LengthField
     """The largest allowed distance of the origin of the mount from the point."""
-    direction: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[0, 0, -1]])
+    direction: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = optional([0, 0, -1])
     """Required direction of the z axis of the mount, in the same frame as the point: three numbers, of any length."""
     angle: AngleField | None = None
     """The largest allowed angle between the z axis of the mount and `direction`; default: 1 deg."""

@@ -10,7 +10,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import LENGTH, TIME
 from thingc.documents.checks.kind import CheckKind
-from thingc.documents.spec.base import Model
+from thingc.documents.spec.base import Model, optional
 from thingc.documents.spec.fields import LengthField, TimeField
 from thingc.documents.spec.name_types import ModeNames, PoseNames
 
@@ -30,9 +30,9 @@ overlapped at the start.
 class SettlesTest(Model):
     """The simulated robot must come to rest after it is released in a pose, while its drives are commanded to this pose."""
 
-    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    mode: ModeNames | None = optional("bench", ["bench", "wall"])
     """Names or patterns of modes, or `all`; default: the first mode."""
-    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    pose: PoseNames | None = optional("home", "leg_*", ["home", "reach"])
     """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
     within: TimeField
     """The time within which the robot must come to rest."""

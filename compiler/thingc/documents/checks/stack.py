@@ -12,7 +12,7 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Vector
 from thingc.base.units import LENGTH, NUMBER
 from thingc.documents.checks.kind import CheckKind, read_direction
-from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.base import Model, optional, rule
 from thingc.documents.spec.fields import LengthField, NumberField, RatioField
 from thingc.documents.spec.name_types import ModeNames, PoseNames, ShownMountField
 
@@ -29,9 +29,9 @@ class StackTest(Model):
     from_: ShownMountField = Field(alias="from", description="The mount relative to which the deviation is computed.")
     along: Annotated[list[NumberField], Field(min_length=3, max_length=3)] = Field(examples=[[0, 0, 1]])
     """Direction of the deviation in the frame of the mount `from`: three numbers, of any length."""
-    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    mode: ModeNames | None = optional("bench", ["bench", "wall"])
     """Names or patterns of modes, or `all`; default: the first mode."""
-    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    pose: PoseNames | None = optional("home", "leg_*", ["home", "reach"])
     """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
     worst: LengthField | None = None
     """The largest allowed deviation if all contributions have the same sign."""

@@ -12,7 +12,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.units import NUMBER
 from thingc.documents.checks.kind import CheckKind
-from thingc.documents.spec.base import Model
+from thingc.documents.spec.base import Model, optional
 from thingc.documents.spec.fields import NumberField
 from thingc.documents.spec.name_types import JointNames, ModeNames, PoseNames
 
@@ -28,9 +28,9 @@ class TorqueMarginTest(Model):
 
     drive: JointNames = Field(examples=["shoulder", ["shoulder", "leg_*"]])
     """Names or patterns of driven joints."""
-    mode: ModeNames | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    mode: ModeNames | None = optional("bench", ["bench", "wall"])
     """Names or patterns of modes whose base is `fixed` or `held`, or `all`; default: the first mode."""
-    pose: PoseNames | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    pose: PoseNames | None = optional("home", "leg_*", ["home", "reach"])
     """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
     min: NumberField
     """The smallest allowed margin. For example, 1.5 requires an effort limit of 1.5 times the static torque."""

@@ -12,7 +12,7 @@ from thingc.base.suggestions import Suggestion
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT
 from thingc.documents.spec import fields, name_types
 from thingc.documents.spec.allowances import Allow, allow
-from thingc.documents.spec.base import Model, given_keys, require_with, rule
+from thingc.documents.spec.base import Model, given_keys, optional, require_with, rule
 from thingc.documents.spec.catalog import QuantityText
 from thingc.documents.spec.drives import DriveSpec, DynamicsSpec
 from thingc.documents.spec.interfaces import InterfaceSpec
@@ -83,28 +83,24 @@ class MountSpec(PoseSpec):
     The z axis of the mount points out of the material.
     """
 
-    interface: str | InterfaceSpec | None = Field(
-        default=None, examples=["x430-horn", {"bolts": {"thread": "M3", "count": 4, "circle": "20 mm"}}],
-    )
+    interface: str | InterfaceSpec | None = optional("x430-horn", {"bolts": {"thread": "M3", "count": 4, "circle": "20 mm"}})
     """The interface of the mount: its mating features, which must fit the mount that it meets, or only a name."""
 
 
 class BomSpec(Model):
     """The entry of a component in the bill of materials."""
 
-    number: str | None = Field(default=None, examples=["902-0135-000"])
+    number: str | None = optional("902-0135-000")
     """Order number or drawing number."""
-    supplier: str | None = Field(default=None, examples=["ROBOTIS"])
+    supplier: str | None = optional("ROBOTIS")
     """Supplier."""
-    cost: fields.CostField | dict[QuantityText, fields.CostField] | None = Field(
-        default=None, examples=["12.50 EUR", {"1": "12.50 EUR", "10": "9.80 EUR"}],
-    )
+    cost: fields.CostField | dict[QuantityText, fields.CostField] | None = optional("12.50 EUR", {"1": "12.50 EUR", "10": "9.80 EUR"})
     """Price per piece, or prices by the smallest quantity for which they apply."""
     make: Literal["buy", "print", "machine"] | None = None
     """Whether the component is bought, printed or machined. Bought components do not get a print file."""
     link: fields.LinkField | None = None
     """Web page of the part."""
-    picture: str | None = Field(default=None, examples=["pictures/xm430.png"])
+    picture: str | None = optional("pictures/xm430.png")
     """Picture of the part: PNG, JPEG, WebP or SVG, relative to this document."""
 
 
@@ -119,8 +115,8 @@ class ComponentBomSpec(BomSpec):
 class PrintSpec(Model):
     """Print settings of a part."""
 
-    up: Literal["auto"] | Annotated[list[fields.NumberField], Field(min_length=3, max_length=3)] | None = Field(
-        default=None, examples=[[0, 0, 1], [0, -1, 0], "auto"],
+    up: Literal["auto"] | Annotated[list[fields.NumberField], Field(min_length=3, max_length=3)] | None = optional(
+        [0, 0, 1], [0, -1, 0], "auto",
     )
     """The direction away from the bed, in the part's axes, or `auto` for the least support; default: `[0, 0, 1]`."""
 
@@ -147,31 +143,25 @@ class AttachSpec(Model):
 class ComponentDefaults(Model):
     """Defaults for all components of this document (`defaults: component:`)."""
 
-    material: name_types.MaterialField | None = Field(default=None, examples=["petg"])
+    material: name_types.MaterialField | None = optional("petg")
     """A material that this document can use."""
-    mass: MassSpec | fields.MassField | None = Field(default=None, examples=["57.2 g", {"value": "57.2 g", "source": "measured"}])
+    mass: MassSpec | fields.MassField | None = optional("57.2 g", {"value": "57.2 g", "source": "measured"})
     """The mass, which replaces the mass from the part and its material."""
-    com: CentreOfMassSpec | fields.Vector3Length | None = Field(
-        default=None, examples=["0 0 12 mm", {"value": "0 0 12 mm", "source": "vendor"}],
-    )
+    com: CentreOfMassSpec | fields.Vector3Length | None = optional("0 0 12 mm", {"value": "0 0 12 mm", "source": "vendor"})
     """The centre of mass, in the frame of the component."""
-    inertia: InertiaSpec | InertiaMatrix | None = Field(
-        default=None, examples=[{"ixx": "2e-5 kg*m^2", "iyy": "2e-5 kg*m^2", "izz": "3e-5 kg*m^2"}],
-    )
+    inertia: InertiaSpec | InertiaMatrix | None = optional({"ixx": "2e-5 kg*m^2", "iyy": "2e-5 kg*m^2", "izz": "3e-5 kg*m^2"})
     """The inertia about the centre of mass, in the axes of the component."""
-    collision: Collision | CollisionSpec | None = Field(
-        default=None, examples=["box", {"decompose": {"pieces": 8}}, {"shapes": [{"box": "40 20 10 mm", "at": {"xyz": "0 0 5 mm"}}]}],
+    collision: Collision | CollisionSpec | None = optional(
+        "box", {"decompose": {"pieces": 8}}, {"shapes": [{"box": "40 20 10 mm", "at": {"xyz": "0 0 5 mm"}}]},
     )
     """The collision shape for simulators, or a list of shapes; default: `hull`."""
     visual: bool | None = None
     """Whether the component is drawn; default: true."""
-    process: ProcessSpec | None = Field(default=None, examples=[{"kind": "fdm", "walls": 4, "infill": "30 %"}])
+    process: ProcessSpec | None = optional({"kind": "fdm", "walls": 4, "infill": "30 %"})
     """The manufacturing process. Keys of this process override keys of the material's process."""
-    print: PrintSpec | None = Field(default=None, examples=[{"up": [0, 0, 1]}])
+    print: PrintSpec | None = optional({"up": [0, 0, 1]})
     """The orientation of the part on the printer."""
-    bom: BomSpec | None = Field(
-        default=None, examples=[{"number": "902-0135-000", "supplier": "ROBOTIS", "cost": "269.90 USD", "make": "buy"}],
-    )
+    bom: BomSpec | None = optional({"number": "902-0135-000", "supplier": "ROBOTIS", "cost": "269.90 USD", "make": "buy"})
     """The entry in the bill of materials."""
 
 
@@ -206,11 +196,11 @@ class ComponentSpec(ComponentDefaults):
 
     model_config = ConfigDict(json_schema_extra=_component_rules)
 
-    part: name_types.PartField | None = Field(default=None, examples=["arm:BasePlate", "thingc_stock.dynamixel:XM430"])
+    part: name_types.PartField | None = optional("arm:BasePlate", "thingc_stock.dynamixel:XM430")
     """The class of a part, as `module:Class`."""
-    file: str | None = Field(default=None, examples=["parts/motor.step"])
+    file: str | None = optional("parts/motor.step")
     """The file of a part: STEP, BREP, STL, 3MF or OBJ, relative to this document."""
-    assembly: name_types.AssemblyDocument | None = Field(default=None, examples=["end_effector.yaml"])
+    assembly: name_types.AssemblyDocument | None = optional("end_effector.yaml")
     """Another assembly document, relative to this one."""
     link: Literal[True] | None = None
     """A component whose geometry is listed under `shapes`, and whose mass is specified."""
@@ -220,19 +210,19 @@ class ComponentSpec(ComponentDefaults):
     """The visual and collision shapes of a link."""
     unit: Literal["um", "mm", "cm", "m", "in", "ft"] | None = None
     """The unit of length in an STL, OBJ or BREP file, because these formats do not specify the unit; default: mm."""
-    faces: fields.CountField | None = Field(default=None, examples=[5000])
+    faces: fields.CountField | None = optional(5000)
     """The largest number of triangles in meshes for simulators. Print files, masses and STEP files use the full geometry."""
     params: dict[name_types.PartParameter, fields.AnyQuantityField] = Field(default={}, examples=[{"length": "120 mm", "holes": 4}])
     """Values for parameters of the part, by name."""
     parameters: dict[name_types.NestedParameter, fields.AnyQuantityField] = Field(default={}, examples=[{"pen_diameter": "15 mm"}])
     """Values for parameters of the nested assembly, by name."""
-    attach: Annotated[AttachSpec | dict[name_types.OwnMountKey, name_types.MountField] | None, Field(union_mode="left_to_right")] = Field(
-        default=None, examples=[{"back": "plate.servo_seat"}, {"mount": "back", "to": "plate.servo_seat", "turn": "90 deg"}],
-    )
+    attach: Annotated[
+        AttachSpec | dict[name_types.OwnMountKey, name_types.MountField] | None, Field(union_mode="left_to_right"),
+    ] = optional({"back": "plate.servo_seat"}, {"mount": "back", "to": "plate.servo_seat", "turn": "90 deg"})
     """The rigid mate that places the component: `{my_mount: other.mount}`, or the long form with all keys."""
-    at: AtSpec | None = Field(default=None, examples=[{"in": "bracket.board", "xyz": "0 0 4 mm"}])
+    at: AtSpec | None = optional({"in": "bracket.board", "xyz": "0 0 4 mm"})
     """Placement by a pose in another frame."""
-    mode: name_types.NestedMode | None = Field(default=None, examples=["bench"])
+    mode: name_types.NestedMode | None = optional("bench")
     """A mode of the nested assembly: its root is placed `at` the pose and moves as the base of the mode."""
     keep: bool = False
     """Whether the component starts a separate link, which a fixed joint connects to its neighbour; only with `attach` or `at`."""
@@ -242,10 +232,10 @@ class ComponentSpec(ComponentDefaults):
     """Levels of detail to which the component belongs. Simulation models omit its shapes if `detail` of the document lists a level."""
     mirror: Literal["x", "y", "z"] | None = None
     """Mirrors the part, or the whole nested assembly, at the plane normal to this axis of its frame."""
-    repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}, {"count": "=legs", "as": "k"}])
+    repeat: RepeatSpec | None = optional({"count": 6}, {"count": "=legs", "as": "k"})
     """Repeats the entry as `name_0`, `name_1` and so on."""
-    bom: ComponentBomSpec | None = Field(
-        default=None, examples=[{"number": "902-0135-000", "cost": "269.90 USD"}, {"as": "one", "number": "RG2", "supplier": "OnRobot"}],
+    bom: ComponentBomSpec | None = optional(
+        {"number": "902-0135-000", "cost": "269.90 USD"}, {"as": "one", "number": "RG2", "supplier": "OnRobot"},
     )
     """The entry in the bill of materials."""
     allow: Allow = allow()
@@ -321,9 +311,7 @@ class MimicSpec(Model):
     """Ratio of the motion of this joint to the motion of the other joint; default: 1."""
     offset: fields.JointValueField = 0  # type: ignore[assignment]
     """Position of this joint when the other joint is at 0; default: 0."""
-    polynomial: Annotated[list[fields.AnyQuantityField], Field(min_length=2, max_length=5)] | None = Field(
-        default=None, examples=[["10 deg", 1, "0.2 rad^-1"]],
-    )
+    polynomial: Annotated[list[fields.AnyQuantityField], Field(min_length=2, max_length=5)] | None = optional(["10 deg", 1, "0.2 rad^-1"])
     """Coefficients of a polynomial in q(joint), in ascending order up to at most the fourth power; replaces `multiplier` and `offset`."""
 
     def _check_rules(self) -> None:
@@ -340,20 +328,20 @@ DriveValue = DriveSpec | name_types.ComponentField
 class JointDefaults(Model):
     """Defaults for all joints of this document (`defaults: joint:`)."""
 
-    limit: LimitSpec | list[LimitSpec] | dict[fields.Index, LimitSpec] | None = Field(
-        default=None, examples=[{"lower": "-90 deg", "upper": "90 deg"}, {"lower": 0, "upper": "20 mm"}],
+    limit: LimitSpec | list[LimitSpec] | dict[fields.Index, LimitSpec] | None = optional(
+        {"lower": "-90 deg", "upper": "90 deg"}, {"lower": 0, "upper": "20 mm"},
     )
     """The limits of the joint; a list for a joint with several coordinates."""
-    dynamics: DynamicsSpec | list[DynamicsSpec] | dict[fields.Index, DynamicsSpec] | None = Field(
-        default=None, examples=[{"damping": "0.02 N*m*s/rad", "friction": "0.05 N*m"}],
+    dynamics: DynamicsSpec | list[DynamicsSpec] | dict[fields.Index, DynamicsSpec] | None = optional(
+        {"damping": "0.02 N*m*s/rad", "friction": "0.05 N*m"},
     )
     """The passive dynamics of the joint; a list for a joint with several coordinates."""
     turn: fields.AngleField | None = None
     """A constant rotation about the z axis of the parent mount (or about `axis`), before the motion."""
     gap: fields.LengthField | None = None
     """A constant distance along the z axis of the parent mount (or along `axis`)."""
-    drive: DriveValue | list[DriveValue] | dict[fields.Index, DriveValue] | None = Field(
-        default=None, examples=["yaw_servo", {"kind": "position", "kp": "20 N*m/rad", "effort": "4 N*m"}],
+    drive: DriveValue | list[DriveValue] | dict[fields.Index, DriveValue] | None = optional(
+        "yaw_servo", {"kind": "position", "kp": "20 N*m/rad", "effort": "4 N*m"},
     )
     """The drive of the joint: a component that is an actuator, or an inline actuator."""
 
@@ -367,25 +355,21 @@ class JointSpec(JointDefaults):
     """The parent mount: `component.mount`."""
     child: name_types.MountField
     """The child mount. The joint places the component of this mount."""
-    axis: Annotated[list[fields.NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[0, 1, 0]])
+    axis: Annotated[list[fields.NumberField], Field(min_length=3, max_length=3)] | None = optional([0, 1, 0])
     """The axis of motion, in the parent mount's frame. With an `axis`, the mounts coincide at q = 0 instead of facing each other."""
-    offset: fields.JointValueField | list[fields.JointValueField] | dict[fields.Index, fields.JointValueField] | None = Field(
-        default=None, examples=["30 deg"],
-    )
+    offset: fields.JointValueField | list[fields.JointValueField] | dict[fields.Index, fields.JointValueField] | None = optional("30 deg")
     """The position of the joint at q = 0, which is added to q."""
     reverse: bool = False
     """Whether the joint moves in the opposite direction of its axis."""
-    lead: fields.LengthField | None = Field(default=None, examples=["8 mm", "-2 mm"])
+    lead: fields.LengthField | None = optional("8 mm", "-2 mm")
     """For a `screw`, the advance per turn; negative for a left-hand thread."""
-    mimic: MimicSpec | list[MimicSpec] | dict[fields.Index, MimicSpec] | None = Field(
-        default=None, examples=[{"joint": "left_jaw", "multiplier": -1}],
-    )
+    mimic: MimicSpec | list[MimicSpec] | dict[fields.Index, MimicSpec] | None = optional({"joint": "left_jaw", "multiplier": -1})
     """The joint that this joint mimics: q = multiplier * q(joint) + offset."""
     loop: bool = False
     """Whether the joint closes a loop instead of placing the child."""
     keep: bool = False
     """For a `fixed` joint: whether its two sides remain separate links."""
-    repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}])
+    repeat: RepeatSpec | None = optional({"count": 6})
     """Repeats the entry as `name_0`, `name_1` and so on."""
     allow: Allow = allow()
     """Suppressed warnings of this joint, by code, each with a reason."""
@@ -394,9 +378,9 @@ class JointSpec(JointDefaults):
 class DefaultsSpec(Model):
     """Default values for the components and joints of this document. Default values do not apply to nested documents."""
 
-    component: ComponentDefaults | None = Field(default=None, examples=[{"material": "petg"}])
+    component: ComponentDefaults | None = optional({"material": "petg"})
     """Defaults of components."""
-    joint: JointDefaults | None = Field(default=None, examples=[{"dynamics": {"damping": "0.02 N*m*s/rad"}}])
+    joint: JointDefaults | None = optional({"dynamics": {"damping": "0.02 N*m*s/rad"}})
     """Defaults of joints."""
 
     def _check_rules(self) -> None:
@@ -415,9 +399,7 @@ class TurnSpec(Model):
     """The position of a free joint, in the parent mount's axes."""
     rpy: fields.Vector3Angle | None = None
     """Extrinsic roll, pitch, yaw in the parent mount's axes, as in URDF."""
-    quat: Annotated[list[fields.NumberField], Field(min_length=4, max_length=4)] | None = Field(
-        default=None, examples=[[0.966, 0.259, 0, 0]],
-    )
+    quat: Annotated[list[fields.NumberField], Field(min_length=4, max_length=4)] | None = optional([0.966, 0.259, 0, 0])
     """The quaternion w, x, y, z, as in MJCF, of any length except 0."""
 
     def _check_rules(self) -> None:
@@ -433,13 +415,13 @@ class DetailSpec(Model):
 
     sim: fields.OmittedField = Field(default=(), examples=["-fasteners", ["-fasteners", "-electronics"]])
     """Omitted in all simulation models."""
-    mjcf: fields.OmittedField | None = Field(default=None, examples=["-fasteners"])
+    mjcf: fields.OmittedField | None = optional("-fasteners")
     """Omitted in MuJoCo models, in place of `sim`."""
-    urdf: fields.OmittedField | None = Field(default=None, examples=["-fasteners"])
+    urdf: fields.OmittedField | None = optional("-fasteners")
     """Omitted in URDF files and ROS packages, in place of `sim`."""
-    sdf: fields.OmittedField | None = Field(default=None, examples=["-fasteners"])
+    sdf: fields.OmittedField | None = optional("-fasteners")
     """Omitted in SDF files, in place of `sim`."""
-    usd: fields.OmittedField | None = Field(default=None, examples=["-fasteners"])
+    usd: fields.OmittedField | None = optional("-fasteners")
     """Omitted in USD files, in place of `sim`."""
 
 
@@ -460,9 +442,9 @@ class AssemblySpec(Model):
         ["thingc_stock.materials"], ["materials.yaml"], {"petg": {"density": "1270 kg/m^3"}},
     ])
     """Materials that this document can use: definitions by name, or materials documents as paths or `package.document`."""
-    catalog: str | None = Field(default=None, examples=["catalog.csv"])
+    catalog: str | None = optional("catalog.csv")
     """Catalogue of bought parts: a CSV file with the columns `number`, `supplier`, `cost`, `quantity`, `link`, `picture`."""
-    defaults: DefaultsSpec | None = Field(default=None, examples=[{"component": {"material": "petg"}}])
+    defaults: DefaultsSpec | None = optional({"component": {"material": "petg"}})
     components: Annotated[dict[name_types.NewComponent, ComponentSpec], Field(min_length=1)] = Field(
         examples=[{"plate": {"part": "arm:BasePlate"}}],
     )
@@ -493,16 +475,16 @@ class AssemblySpec(Model):
     """Motions, by name: poses with times, between which the joints move with minimum jerk, or a CSV file."""
     modes: dict[name_types.NewMode, ModeSpec] = Field(default={}, examples=[{"bench": {"root": "plate", "pose": "home"}}])
     """Modes, by name. Each mode is a simulation model; the first mode is the default."""
-    detail: DetailSpec | None = Field(default=None, examples=[{"sim": "-fasteners"}])
+    detail: DetailSpec | None = optional({"sim": "-fasteners"})
     """Levels of detail that simulation models omit."""
     order: list[name_types.ComponentField] = Field(default=[], examples=[["plate", "servo", "screw_*"]])
     """The order in which assembly instructions add these components. Other components are added where they fit."""
-    simulation: SimulationSpec | None = Field(default=None, examples=[{"timestep": "2 ms", "integrator": "implicitfast"}])
+    simulation: SimulationSpec | None = optional({"timestep": "2 ms", "integrator": "implicitfast"})
     raw: dict[str, RawField] = Field(default={}, examples=[{"mjcf": {"joint": {"yaw": {"solreflimit": "0.01 1"}}}}])
     """Attributes that are added to the output files of one target, by path. Only the target checks their values."""
     sensors: dict[name_types.NewSensor, SensorSpec] = Field(default={}, examples=[{"imu": {"type": "imu", "at": "body.imu"}}])
     """Sensors, by name."""
-    names: NamesSpec | None = Field(default=None, examples=[{"joints": {"joint_1": "1"}}])
+    names: NamesSpec | None = optional({"joints": {"joint_1": "1"}})
     """Names in output files that differ from the names in this document."""
     tests: dict[name_types.NewTest, TestSpec] = Field(default={}, examples=[{"light": {"mass": {"max": "2.2 kg"}}}])
     """Tests of the robot, which `thingc test` runs."""

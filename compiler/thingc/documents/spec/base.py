@@ -1,11 +1,11 @@
-"""The base class of all document models, and a function that creates validation errors for rules that involve several fields."""
+"""The base class of all document models, and functions that create fields and the validation errors of rules for several fields."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 from pydantic_core import PydanticCustomError
 
 from thingc.base.suggestions import Hint
@@ -26,6 +26,11 @@ class Model(BaseModel):
 
     def _check_rules(self) -> None:
         """Raise a validation error if the fields violate a common rule. Models with such rules override this method."""
+
+
+def optional(*examples: Any) -> Any:
+    """Return the pydantic field of a key that may be omitted, with examples of its values for the JSON Schema."""
+    return Field(default=None, examples=list(examples))
 
 
 def rule(message: str, help: Hint = "", key: str | None = None) -> PydanticCustomError:

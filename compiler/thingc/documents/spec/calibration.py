@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field
 from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.documents.expressions.evaluation import evaluate
 from thingc.documents.expressions.terms import Expression, ExpressionError
-from thingc.documents.spec.base import Model, require_either, rule
+from thingc.documents.spec.base import Model, optional, require_either, rule
 from thingc.documents.spec.fields import FieldValidator, describe, fault, quantity, raise_all, read_value, within
 from thingc.documents.spec.name_types import JointPattern
 
@@ -60,17 +60,17 @@ class MotorSpec(Model):
 
     id: Annotated[int, _whole_number(0, 253)] = Field(examples=[3])  # 254 and 255 are broadcast addresses of Feetech and Dynamixel
     """The identifier of the motor on its bus, from 0 to 253."""
-    model: str | None = Field(default=None, examples=["sts3215"])
+    model: str | None = optional("sts3215")
     """The model of the motor."""
     offset: EncoderValue = Field(examples=[2047])
     """The encoder value at q = 0, in ticks."""
     sign: Annotated[int, FieldValidator(_sign, "`1` or `-1`", {"type": "integer", "enum": [1, -1]})] = 1
     """Whether the encoder value increases (1) or decreases (-1) with q."""
-    ticks_per_turn: Annotated[int, _whole_number(2, MOST_TICKS)] | None = Field(default=None, examples=[4096])
+    ticks_per_turn: Annotated[int, _whole_number(2, MOST_TICKS)] | None = optional(4096)
     """The number of encoder values per turn of the joint. The encoder value is at least 0 and less than this number."""
-    resolution: Resolution | None = Field(default=None, examples=["0.01 mm"])
+    resolution: Resolution | None = optional("0.01 mm")
     """The motion of the joint per tick, for encoders that count several turns."""
-    range: Annotated[list[EncoderValue], Field(min_length=2, max_length=2)] | None = Field(default=None, examples=[[884, 3320]])
+    range: Annotated[list[EncoderValue], Field(min_length=2, max_length=2)] | None = optional([884, 3320])
     """The measured smallest and largest encoder value; default: from the limits of the joint."""
 
     def _check_rules(self) -> None:

@@ -8,7 +8,7 @@ from pydantic import ConfigDict, Field, ValidationInfo, field_validator
 from pydantic_core import PydanticKnownError
 
 from thingc.documents.spec import fields
-from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.base import Model, optional, rule
 from thingc.documents.spec.name_types import ComponentField
 
 DriveKind = Literal["position", "velocity", "motor"]
@@ -28,7 +28,7 @@ class DynamicsSpec(Model):
     """Reflected rotor inertia; default: from the drive."""
     stiffness: fields.StiffnessField | None = None
     """Stiffness of a spring towards its `rest`: torque or force per angle or length."""
-    rest: fields.JointValueField | None = Field(default=None, examples=["20 deg"])
+    rest: fields.JointValueField | None = optional("20 deg")
     """The rest position of the spring; default: 0."""
 
 
@@ -64,13 +64,13 @@ class DriveSpec(Model):
     """Reflected rotor inertia."""
     stall: fields.EffortField | None = None
     """Stall torque or force, which is the maximum at rest. The maximum falls linearly to 0 at `velocity`."""
-    delay: fields.TimeField | None = Field(default=None, examples=["10 ms"])
+    delay: fields.TimeField | None = optional("10 ms")
     """Time until a command takes effect."""
-    deadband: fields.CommandField | None = Field(default=None, examples=["0.5 deg"])
+    deadband: fields.CommandField | None = optional("0.5 deg")
     """Largest difference between the command and the motion that the drive ignores; for a `motor`, the largest ignored command."""
-    noise: fields.CommandField | None = Field(default=None, examples=["0.1 deg"])
+    noise: fields.CommandField | None = optional("0.1 deg")
     """Standard deviation of the noise that is added to the command."""
-    axis: Annotated[list[fields.NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[1, 0, 0]])
+    axis: Annotated[list[fields.NumberField], Field(min_length=3, max_length=3)] | None = optional([1, 0, 0])
     """The axis of the drive of a ball joint, in the axes of the parent mount at q = 0. The axis moves with the child mount."""
 
     @field_validator("kind")

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import ConfigDict, Field
 
 from thingc.base.interfaces import THREAD
-from thingc.documents.spec.base import Model, require_with, rule
+from thingc.documents.spec.base import Model, optional, require_with, rule
 from thingc.documents.spec.fields import AngleField, CountField, LengthField, text_field
 
 ThreadField = Annotated[str, text_field(re.compile(THREAD).fullmatch, "the name of a thread", "M3", {"pattern": THREAD})]
@@ -20,13 +20,13 @@ class BoltsSpec(Model):
 
     thread: ThreadField = Field(examples=["M3"])
     """Thread of the screws: `M3`."""
-    count: CountField | None = Field(default=None, examples=[4])
+    count: CountField | None = optional(4)
     """Number of holes on the circle; default: 1."""
     circle: LengthField | None = None
     """Diameter of the circle through the centres of the holes."""
     start: AngleField | None = None
     """Angle of the first hole on the circle, from x towards y; default: 0."""
-    at: Annotated[list[PairField], Field(min_length=1)] | None = Field(default=None, examples=[[["8 mm", "6 mm"], ["-8 mm", "6 mm"]]])
+    at: Annotated[list[PairField], Field(min_length=1)] | None = optional([["8 mm", "6 mm"], ["-8 mm", "6 mm"]])
     """Positions of the holes along x and y, in place of `count` and `circle`."""
     depth: LengthField | None = None
     """Depth of a threaded hole; default: a clearance hole."""
@@ -41,7 +41,7 @@ class BoreSpec(Model):
     """Diameter of the hole."""
     depth: LengthField | None = None
     """Depth of the hole; default: a through hole."""
-    clearance: PairField | None = Field(default=None, examples=[["0.05 mm", "0.2 mm"]])
+    clearance: PairField | None = optional(["0.05 mm", "0.2 mm"])
     """Smallest and largest difference between the diameters of bore and boss; default: at least 0."""
 
 
@@ -52,7 +52,7 @@ class BossSpec(Model):
     """Diameter of the cylinder."""
     length: LengthField | None = None
     """Length above the mount; default: unknown."""
-    clearance: PairField | None = Field(default=None, examples=[["0.05 mm", "0.2 mm"]])
+    clearance: PairField | None = optional(["0.05 mm", "0.2 mm"])
     """Smallest and largest difference between the diameters of bore and boss; default: at least 0."""
 
 
@@ -72,15 +72,15 @@ class InterfaceSpec(Model):
         "minProperties": 1, "dependentRequired": {"side": ["connector"], "counterpart": ["connector"]},
     })
 
-    name: str | None = Field(default=None, examples=["x430-horn"])
+    name: str | None = optional("x430-horn")
     """Name of the interface, which is not checked."""
-    bolts: BoltsSpec | None = Field(default=None, examples=[{"thread": "M3", "count": 4, "circle": "20 mm", "start": "45 deg"}])
+    bolts: BoltsSpec | None = optional({"thread": "M3", "count": 4, "circle": "20 mm", "start": "45 deg"})
     """Holes for screws."""
-    bore: BoreSpec | None = Field(default=None, examples=[{"diameter": "6.1 mm", "clearance": ["0.05 mm", "0.2 mm"]}])
+    bore: BoreSpec | None = optional({"diameter": "6.1 mm", "clearance": ["0.05 mm", "0.2 mm"]})
     """A round hole."""
-    boss: BossSpec | None = Field(default=None, examples=[{"diameter": "6 mm", "length": "8 mm"}])
+    boss: BossSpec | None = optional({"diameter": "6 mm", "length": "8 mm"})
     """A cylinder, such as a shaft."""
-    shank: ShankSpec | None = Field(default=None, examples=[{"thread": "M3", "length": "12 mm"}])
+    shank: ShankSpec | None = optional({"thread": "M3", "length": "12 mm"})
     """The shank of a screw."""
     connector: str | None = Field(default=None, min_length=1, examples=["JST-PH-2"])
     """Name of a connector."""

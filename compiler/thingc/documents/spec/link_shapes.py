@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import ConfigDict, Field
 
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT
-from thingc.documents.spec.base import Model, given_keys, require_one, require_with, rule
+from thingc.documents.spec.base import Model, given_keys, optional, require_one, require_with, rule
 from thingc.documents.spec.fields import ColorField, CountField, LengthField, NumberField, Vector3Length
 from thingc.documents.spec.materials import FrictionSpec
 from thingc.documents.spec.name_types import MaterialField
@@ -50,7 +50,7 @@ def _shape_rules(schema: dict[str, Any]) -> None:
 class DecomposeSpec(Model):
     """The decomposition of a mesh into convex pieces."""
 
-    pieces: CountField | None = Field(default=None, examples=[8])
+    pieces: CountField | None = optional(8)
     """The largest number of pieces; default: as many as the mesh needs."""
 
 
@@ -59,35 +59,33 @@ class ContactShapeSpec(Model):
 
     model_config = ConfigDict(json_schema_extra=_shape_rules)
 
-    mesh: str | None = Field(default=None, examples=["meshes/trunk.stl"])
+    mesh: str | None = optional("meshes/trunk.stl")
     """A mesh file: STL, OBJ, COLLADA (`.dae`), PLY or glTF (`.glb`), relative to this document."""
     unit: Literal["um", "mm", "cm", "m", "in", "ft"] | None = None
     """The unit of length in an STL, OBJ or PLY `mesh`, because these formats do not specify the unit; default: mm."""
-    scale: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | NumberField | None = Field(
-        default=None, examples=[[1, 1, -1], 0.5],
-    )
+    scale: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | NumberField | None = optional([1, 1, -1], 0.5)
     """Scale factors for a `mesh` along x, y and z, or a single factor. A negative factor mirrors the mesh."""
-    decompose: Literal[True] | DecomposeSpec | None = Field(default=None, examples=[True, {"pieces": 8}])
+    decompose: Literal[True] | DecomposeSpec | None = optional(True, {"pieces": 8})
     """Decomposes a `mesh` into convex pieces for collisions; default: the convex hull of the mesh."""
-    box: Vector3Length | None = Field(default=None, examples=["380 90 110 mm"])
+    box: Vector3Length | None = optional("380 90 110 mm")
     """A box: its lengths along x, y and z."""
-    sphere: RoundSpec | None = Field(default=None, examples=[{"radius": "20 mm"}])
+    sphere: RoundSpec | None = optional({"radius": "20 mm"})
     """A sphere: its radius."""
-    cylinder: LongSpec | None = Field(default=None, examples=[{"radius": "20 mm", "length": "80 mm"}])
+    cylinder: LongSpec | None = optional({"radius": "20 mm", "length": "80 mm"})
     """A cylinder: its radius, and its length along z."""
-    capsule: LongSpec | None = Field(default=None, examples=[{"radius": "20 mm", "length": "80 mm"}])
+    capsule: LongSpec | None = optional({"radius": "20 mm", "length": "80 mm"})
     """A capsule along z: a cylinder with this radius and length between two hemispheres."""
-    ellipsoid: Vector3Length | None = Field(default=None, examples=["40 20 20 mm"])
+    ellipsoid: Vector3Length | None = optional("40 20 20 mm")
     """An ellipsoid: its half axes along x, y and z."""
-    plane: Annotated[list[LengthField], Field(min_length=2, max_length=2)] | None = Field(default=None, examples=[[0, 0], ["2 m", "1 m"]])
+    plane: Annotated[list[LengthField], Field(min_length=2, max_length=2)] | None = optional([0, 0], ["2 m", "1 m"])
     """A plane: its lengths along x and y, 0 for an infinite length. The solid is below the plane, and z points out of the solid."""
-    at: PoseSpec | None = Field(default=None, examples=[{"xyz": "0 0 40 mm", "rpy": "0 90 0 deg"}])
+    at: PoseSpec | None = optional({"xyz": "0 0 40 mm", "rpy": "0 90 0 deg"})
     """The pose of the shape in the frame of the component; default: the origin."""
-    material: MaterialField | None = Field(default=None, examples=["rubber"])
+    material: MaterialField | None = optional("rubber")
     """The material of the shape; default: the material of the component."""
-    friction: FrictionSpec | None = Field(default=None, examples=[{"slide": 0.6}])
+    friction: FrictionSpec | None = optional({"slide": 0.6})
     """The friction of the shape, which overrides the friction of its material."""
-    name: FileName | None = Field(default=None, examples=["left-foot"])
+    name: FileName | None = optional("left-foot")
     """The name of the shape in output files; default: the name of the component with a number."""
 
     @property
@@ -125,9 +123,9 @@ class ChoiceSpec(Model):
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
-    shapes: Annotated[list[ContactShapeSpec], Field(min_length=1)] | None = Field(default=None, examples=[[{"box": "40 20 10 mm"}]])
+    shapes: Annotated[list[ContactShapeSpec], Field(min_length=1)] | None = optional([{"box": "40 20 10 mm"}])
     """The collision shapes, in the frame of the part."""
-    decompose: DecomposeSpec | None = Field(default=None, examples=[{"pieces": 8}])
+    decompose: DecomposeSpec | None = optional({"pieces": 8})
     """Decomposes the part into convex pieces."""
 
     def _check_rules(self) -> None:
@@ -139,13 +137,13 @@ class ChoiceSpec(Model):
 class TargetChoicesSpec(Model):
     """The collision shapes of a part in single formats."""
 
-    mjcf: Collision | ChoiceSpec | None = Field(default=None, examples=["box", {"decompose": {"pieces": 8}}])
+    mjcf: Collision | ChoiceSpec | None = optional("box", {"decompose": {"pieces": 8}})
     """The shapes in MuJoCo models."""
-    urdf: Collision | ChoiceSpec | None = Field(default=None, examples=["box", {"decompose": {"pieces": 8}}])
+    urdf: Collision | ChoiceSpec | None = optional("box", {"decompose": {"pieces": 8}})
     """The shapes in URDF files and ROS packages."""
-    sdf: Collision | ChoiceSpec | None = Field(default=None, examples=["box", {"decompose": {"pieces": 8}}])
+    sdf: Collision | ChoiceSpec | None = optional("box", {"decompose": {"pieces": 8}})
     """The shapes in SDF files."""
-    usd: Collision | ChoiceSpec | None = Field(default=None, examples=["box", {"decompose": {"pieces": 8}}])
+    usd: Collision | ChoiceSpec | None = optional("box", {"decompose": {"pieces": 8}})
     """The shapes in USD files."""
 
 
@@ -154,7 +152,7 @@ class CollisionSpec(ChoiceSpec):
 
     kind: Collision | None = None
     """The kind of collision shape; default with `targets`: `hull`."""
-    targets: TargetChoicesSpec | None = Field(default=None, examples=[{"mjcf": {"decompose": {"pieces": 8}}, "urdf": "box"}])
+    targets: TargetChoicesSpec | None = optional({"mjcf": {"decompose": {"pieces": 8}}, "urdf": "box"})
     """The collision shapes in single formats."""
 
     @property

@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from thingc.documents.spec import fields
-from thingc.documents.spec.base import Model
+from thingc.documents.spec.base import Model, optional
 from thingc.documents.spec.name_types import NewMaterial
 
 
@@ -16,9 +16,9 @@ class FrictionSpec(Model):
 
     slide: fields.NumberField
     """Sliding (Coulomb) friction."""
-    torsion: fields.LengthField | fields.NumberField | None = Field(default=None, examples=[0.005, "5 mm"])
+    torsion: fields.LengthField | fields.NumberField | None = optional(0.005, "5 mm")
     """Torsional friction, as in MuJoCo [m]."""
-    roll: fields.LengthField | fields.NumberField | None = Field(default=None, examples=[0.0001, "0.1 mm"])
+    roll: fields.LengthField | fields.NumberField | None = optional(0.0001, "0.1 mm")
     """Rolling friction, as in MuJoCo [m]."""
 
 
@@ -39,17 +39,17 @@ class ProcessSpec(Model):
     """Number of solid layers at the bottom."""
     infill: fields.RatioField | None = None
     """Share of the interior that is filled, 0 % to 100 %."""
-    overlap: fields.RatioField | None = Field(default=None, examples=["25 %"])
+    overlap: fields.RatioField | None = optional("25 %")
     """Overlap of infill and walls, as a share of the line width; default: 25 %, as in PrusaSlicer."""
-    bridge_flow: fields.RatioField | None = Field(default=None, examples=["100 %"])
+    bridge_flow: fields.RatioField | None = optional("100 %")
     """Flow of material in bridges, relative to other lines; default: 100 %, as in PrusaSlicer."""
-    speed: fields.VelocityField | None = Field(default=None, examples=["60 mm/s"])
+    speed: fields.VelocityField | None = optional("60 mm/s")
     """Mean speed at which walls are printed, for the printing time; default: 28 mm/s."""
-    layer_time: fields.TimeField | None = Field(default=None, examples=["2 s"])
+    layer_time: fields.TimeField | None = optional("2 s")
     """Additional time for each layer, for travel and retraction; default: 4 s."""
-    tolerance: fields.LengthField | None = Field(default=None, examples=["0.1 mm"])
+    tolerance: fields.LengthField | None = optional("0.1 mm")
     """Largest deviation of the position of a mount along each axis of the part, for `stack` tests."""
-    tilt: fields.AngleField | None = Field(default=None, examples=["0.2 deg"])
+    tilt: fields.AngleField | None = optional("0.2 deg")
     """Largest deviation of the orientation of a mount about each axis of the part, for `stack` tests."""
     estimate: Literal["layers", "skin"] | None = None
     """How to estimate the mass of a part with infill: `layers` (the default for `fdm`) or `skin` (for all others)."""
@@ -58,16 +58,16 @@ class ProcessSpec(Model):
 class MaterialSpec(Model):
     """A material: density, appearance, friction and manufacturing process."""
 
-    base: str | None = Field(default=None, examples=["bd_materials:pla"])
+    base: str | None = optional("bd_materials:pla")
     """A material of a library, such as `bd_materials:pla`. The other keys override its values."""
     density: fields.DensityField | None = None
     """Mass per volume of the solid material."""
     color: fields.ColorField | None = None
     """The colour: a CSS name or `#rrggbb`."""
-    price_per_kg: fields.CostField | None = Field(default=None, examples=["24.90 EUR"])
+    price_per_kg: fields.CostField | None = optional("24.90 EUR")
     """Price of one kilogram, for the cost of prints."""
-    friction: FrictionSpec | None = Field(default=None, examples=[{"slide": 0.4}])
-    process: ProcessSpec | None = Field(default=None, examples=[{"kind": "fdm", "walls": 3, "line_width": "0.45 mm", "infill": "15 %"}])
+    friction: FrictionSpec | None = optional({"slide": 0.4})
+    process: ProcessSpec | None = optional({"kind": "fdm", "walls": 3, "line_width": "0.45 mm", "infill": "15 %"})
 
 
 class MaterialsSpec(Model):

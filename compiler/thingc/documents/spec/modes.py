@@ -8,7 +8,7 @@ from pydantic import Field
 
 from thingc.base.joints.kinds import BaseType
 from thingc.documents.spec.allowances import Allow, allow
-from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.base import Model, optional, rule
 from thingc.documents.spec.fields import ForceField, LengthField, Name, NumberField, TimeField, Vector3Acceleration
 from thingc.documents.spec.materials import FrictionSpec
 from thingc.documents.spec.name_types import ComponentField, JointPattern, ModeField, OwnPoseKey, PoseField, RootField, ShownMountField
@@ -43,11 +43,11 @@ class PairSpec(Model):
 
     between: Annotated[list[ComponentField], Field(min_length=2, max_length=2)] = Field(examples=[["finger_*", "ball"]])
     """The two components; patterns are allowed."""
-    friction: FrictionSpec | None = Field(default=None, examples=[{"slide": 1.5}])
+    friction: FrictionSpec | None = optional({"slide": 1.5})
     """The friction of the pair; default: from the materials of the two components."""
-    margin: LengthField | None = Field(default=None, examples=["1 mm"])
+    margin: LengthField | None = optional("1 mm")
     """The distance between the shapes at which a contact begins; default: 0."""
-    gap: LengthField | None = Field(default=None, examples=["0.5 mm"])
+    gap: LengthField | None = optional("0.5 mm")
     """The part of the margin in which a contact is detected but transmits no force; default: 0."""
 
 
@@ -111,32 +111,30 @@ class ModeSpec(Model):
     """The root: a mount, which is mated to the world, or a component, which is placed at the world frame."""
     base: BaseType | None = None
     """The type of base: `fixed` (default), `held`, `free`, `planar` (in the x-y plane of `at`) or `ball` (about the origin of the root)."""
-    at: WorldAtSpec | None = Field(default=None, examples=[{"xyz": "0 0 300 mm", "rpy": "0 0 90 deg"}, {"on": "floor"}])
+    at: WorldAtSpec | None = optional({"xyz": "0 0 300 mm", "rpy": "0 0 90 deg"}, {"on": "floor"})
     """Pose of the root in the world; default: the origin."""
-    at_in: dict[OwnPoseKey, PoseSpec] | None = Field(default=None, examples=[{"sit": {"xyz": "0 0 100 mm"}}])
+    at_in: dict[OwnPoseKey, PoseSpec] | None = optional({"sit": {"xyz": "0 0 100 mm"}})
     """Poses of the root of a `free` or `held` base, by the name of a pose. For all other poses, `at` applies."""
-    gravity: StandsOn | Vector3Acceleration | None = Field(default=None, examples=["wall", "0 0 -1.62 m/s^2"])
+    gravity: StandsOn | Vector3Acceleration | None = optional("wall", "0 0 -1.62 m/s^2")
     """Gravity: the surface that supports the robot (`floor`, `wall` or `ceiling`), or a vector in the world frame; default: `floor`."""
     pose: PoseField | None = None
     """The pose in which the mode starts."""
-    poses: list[PoseField] | None = Field(default=None, examples=[["home", "folded"]])
+    poses: list[PoseField] | None = optional(["home", "folded"])
     """The poses that are keyframes of the mode; default: all poses."""
-    actuators: list[JointPattern] | None = Field(default=None, examples=[["yaw", "leg_*"]])
+    actuators: list[JointPattern] | None = optional(["yaw", "leg_*"])
     """The joints whose drives are used in the mode; patterns are allowed; default: all."""
-    contacts: ContactsSpec | None = Field(default=None, examples=[{"exclude": [["plate", "hand"]]}])
-    hold: dict[RootField, HoldSpec | Literal["here"]] | None = Field(
-        default=None, examples=[
-            {"rear_foot.sole": "here"}, {"rear_foot.sole": {"at": "here", "carries": "force"}}, {"rear_foot.sole": {"xyz": "200 0 0 mm"}},
-        ],
+    contacts: ContactsSpec | None = optional({"exclude": [["plate", "hand"]]})
+    hold: dict[RootField, HoldSpec | Literal["here"]] | None = optional(
+        {"rear_foot.sole": "here"}, {"rear_foot.sole": {"at": "here", "carries": "force"}}, {"rear_foot.sole": {"xyz": "200 0 0 mm"}},
     )
     """Additional mounts that are fixed to the world, each at a pose or at `here`, its pose in the start pose of the mode."""
-    standing_on: StandingSpec | list[ShownMountField] | None = Field(
-        default=None, examples=[["leg_0.sole", "leg_2.sole", "leg_4.sole"], {"mounts": ["leg_*.sole"], "friction": 0.6}],
+    standing_on: StandingSpec | list[ShownMountField] | None = optional(
+        ["leg_0.sole", "leg_2.sole", "leg_4.sole"], {"mounts": ["leg_*.sole"], "friction": 0.6},
     )
     """The mounts on which a free base stands. The floor can push at these mounts but not pull. Only static analyses use this key."""
-    cut: list[JointPattern] | None = Field(default=None, examples=[["rear_knee"]])
+    cut: list[JointPattern] | None = optional(["rear_knee"])
     """The joints at which kinematic loops are cut; patterns are allowed."""
-    simulation: SimulationSpec | None = Field(default=None, examples=[{"timestep": "1 ms"}])
+    simulation: SimulationSpec | None = optional({"timestep": "1 ms"})
     """Simulation settings of this mode, which override the settings of the document."""
     extends: ModeField | None = None
     """Another mode whose settings this mode inherits."""

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import ConfigDict, Field
 
-from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.base import Model, optional, rule
 from thingc.documents.spec.fields import NumberField, Vector3Angle, Vector3Length
 
 
@@ -19,7 +19,7 @@ class PoseSpec(Model):
     """Position along x, y and z of the frame."""
     rpy: Vector3Angle = (0, 0, 0)  # type: ignore[assignment]
     """Extrinsic roll, pitch, yaw, as in URDF."""
-    quat: Annotated[list[NumberField], Field(min_length=4, max_length=4)] | None = Field(default=None, examples=[[0.5, 0.5, 0.5, 0.5]])
+    quat: Annotated[list[NumberField], Field(min_length=4, max_length=4)] | None = optional([0.5, 0.5, 0.5, 0.5])
     """Instead of `rpy`, the unit quaternion w, x, y, z, as in MJCF."""
 
     def _check_rules(self) -> None:

@@ -10,7 +10,7 @@ from thingc.base.primitives import PrimitiveShape
 from thingc.base.sensor_kinds import SENSORS, ReadingName, SensorKey, SensorType
 from thingc.base.units import ACCELERATION, ANGLE, ANGULAR_VELOCITY, FORCE, LENGTH, TORQUE, VELOCITY
 from thingc.documents.spec.annotation_types import one_of
-from thingc.documents.spec.base import Model, require_one, rule
+from thingc.documents.spec.base import Model, optional, require_one, rule
 from thingc.documents.spec.fields import AngleField, LengthField, Value, Vector3Length, quantity
 from thingc.documents.spec.link_shapes import LongSpec, RoundSpec
 from thingc.documents.spec.name_types import ComponentField, JointField, ShownMountField, TendonField
@@ -32,15 +32,15 @@ class VolumeSpec(Model):
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [kind]} for kind in VOLUMES]})
 
-    box: Vector3Length | None = Field(default=None, examples=["20 20 5 mm"])
+    box: Vector3Length | None = optional("20 20 5 mm")
     """A box: its lengths along x, y and z of the mount."""
-    sphere: RoundSpec | None = Field(default=None, examples=[{"radius": "10 mm"}])
+    sphere: RoundSpec | None = optional({"radius": "10 mm"})
     """A sphere: its radius."""
-    cylinder: LongSpec | None = Field(default=None, examples=[{"radius": "10 mm", "length": "5 mm"}])
+    cylinder: LongSpec | None = optional({"radius": "10 mm", "length": "5 mm"})
     """A cylinder: its radius, and its length along z."""
-    capsule: LongSpec | None = Field(default=None, examples=[{"radius": "10 mm", "length": "20 mm"}])
+    capsule: LongSpec | None = optional({"radius": "10 mm", "length": "20 mm"})
     """A capsule along z: a cylinder with this radius and length between two hemispheres."""
-    ellipsoid: Vector3Length | None = Field(default=None, examples=["10 10 5 mm"])
+    ellipsoid: Vector3Length | None = optional("10 10 5 mm")
     """An ellipsoid: its half axes along x, y and z."""
 
     @property
@@ -88,15 +88,15 @@ class SensorSpec(Model):
     with_: ComponentField | None = Field(
         default=None, alias="with", description="For a `contact`, the component whose link is the other side; default: any.",
     )
-    volume: VolumeSpec | None = Field(default=None, examples=[{"sphere": {"radius": "10 mm"}}])
+    volume: VolumeSpec | None = optional({"sphere": {"radius": "10 mm"}})
     """For a `touch` sensor, the volume around the mount in which contacts of the link are measured."""
-    range: LengthField | None = Field(default=None, examples=["4 m"])
+    range: LengthField | None = optional("4 m")
     """For a `rangefinder` sensor, the largest measured distance; default: unlimited."""
     fovy: AngleField | None = None
     """For a `camera` sensor, the vertical field of view; default: 45 deg."""
-    noise: ReadingField | dict[ReadingName, ReadingField] | None = Field(default=None, examples=["0.02 m/s^2", {"gyro": "0.001 rad/s"}])
+    noise: ReadingField | dict[ReadingName, ReadingField] | None = optional("0.02 m/s^2", {"gyro": "0.001 rad/s"})
     """The standard deviation of the noise; for several readings, a mapping by name of the reading."""
-    cutoff: ReadingField | dict[ReadingName, ReadingField] | None = Field(default=None, examples=["160 m/s^2", {"gyro": "35 rad/s"}])
+    cutoff: ReadingField | dict[ReadingName, ReadingField] | None = optional("160 m/s^2", {"gyro": "35 rad/s"})
     """The largest absolute value of the reading; for several readings, a mapping by name of the reading."""
 
     def value_of(self, key: SensorKey) -> Any:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import ConfigDict, Field
 
-from thingc.documents.spec.base import Model, require_either, require_with
+from thingc.documents.spec.base import Model, optional, require_either, require_with
 from thingc.documents.spec.drives import DriveSpec, DynamicsSpec
 from thingc.documents.spec.fields import JointValueField, LengthField, MultiplierField, NumberField
 from thingc.documents.spec.name_types import CoordinateKey, ShownMountField
@@ -56,21 +56,21 @@ class TendonSpec(Model):
         "oneOf": [{"required": ["joints"]}, {"required": ["path"]}], "dependentSchemas": {"width": {"required": ["path"]}},
     })
 
-    joints: Annotated[dict[CoordinateKey, MultiplierField], Field(min_length=1)] | None = Field(
-        default=None, examples=[{"left": "12 mm/rad", "right": "-8 mm/rad"}],
+    joints: Annotated[dict[CoordinateKey, MultiplierField], Field(min_length=1)] | None = optional(
+        {"left": "12 mm/rad", "right": "-8 mm/rad"},
     )
     """Change of the tendon's length per unit of each joint coordinate. The length is the sum over all joints."""
-    path: Annotated[list[ShownMountField | AroundSpec | PulleySpec], Field(min_length=2)] | None = Field(
-        default=None, examples=[["arm.hook", {"around": "drum.axle", "cylinder": "12 mm"}, "hand.hook"]],
+    path: Annotated[list[ShownMountField | AroundSpec | PulleySpec], Field(min_length=2)] | None = optional(
+        ["arm.hook", {"around": "drum.axle", "cylinder": "12 mm"}, "hand.hook"],
     )
     """The path of the tendon: mounts, spheres and cylinders between two mounts, and pulleys."""
     width: LengthField | None = None
     """The diameter with which a tendon along a path is drawn."""
-    limit: TendonLimitSpec | None = Field(default=None, examples=[{"lower": "-10 mm", "upper": "25 mm"}])
+    limit: TendonLimitSpec | None = optional({"lower": "-10 mm", "upper": "25 mm"})
     """The smallest and largest length of the tendon."""
-    dynamics: DynamicsSpec | None = Field(default=None, examples=[{"stiffness": "200 N/m", "rest": "5 mm"}])
+    dynamics: DynamicsSpec | None = optional({"stiffness": "200 N/m", "rest": "5 mm"})
     """The passive dynamics of the tendon."""
-    drive: DriveSpec | None = Field(default=None, examples=[{"kind": "motor", "effort": "40 N"}])
+    drive: DriveSpec | None = optional({"kind": "motor", "effort": "40 N"})
     """The drive of the tendon."""
 
     def _check_rules(self) -> None:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
-from thingc.documents.spec.base import Model, given_keys, rule
+from thingc.documents.spec.base import Model, given_keys, optional, rule
 from thingc.documents.spec.drives import DriveSpec
 from thingc.documents.spec.fields import ArmatureField, JointValueField, MultiplierField, RatioField
 from thingc.documents.spec.name_types import ComponentField, CoordinateField
@@ -58,23 +58,23 @@ class TransmissionSpec(Model):
         ],
     })
 
-    actuator: DriveSpec | ComponentField | None = Field(default=None, examples=["motor_2", {"kind": "motor", "effort": "0.4 N*m"}])
+    actuator: DriveSpec | ComponentField | None = optional("motor_2", {"kind": "motor", "effort": "0.4 N*m"})
     """The actuator: a component with an actuator, or an inline drive. All its values are on the motor side of the transmission."""
-    joint: CoordinateField | None = Field(default=None, examples=["knee"])
+    joint: CoordinateField | None = optional("knee")
     """The joint of this document that the actuator moves."""
-    ratio: MultiplierField | None = Field(default=None, examples=[9, "=teeth_joint / teeth_motor", "-125 rev/m"])
+    ratio: MultiplierField | None = optional(9, "=teeth_joint / teeth_motor", "-125 rev/m")
     """Revolutions of the actuator per revolution of the joint; negative if they turn in opposite directions."""
-    differential: DifferentialSpec | None = Field(
-        default=None, examples=[{"actuators": ["left", "right"], "joints": ["pitch", "roll"], "matrix": [[1, 1], [1, -1]]}],
+    differential: DifferentialSpec | None = optional(
+        {"actuators": ["left", "right"], "joints": ["pitch", "roll"], "matrix": [[1, 1], [1, -1]]},
     )
     """Several actuators that move several joints together, instead of `actuator`, `joint` and `ratio`."""
     efficiency: RatioField = Field(default=1, examples=["85 %"])  # type: ignore[assignment]
     """Ratio of the transmitted torque to the torque without losses; default: 1."""
-    backlash: JointValueField | None = Field(default=None, examples=["0.3 deg"])
+    backlash: JointValueField | None = optional("0.3 deg")
     """Play of the transmission, measured at the joint."""
-    inertia: ArmatureField | None = Field(default=None, examples=["4.1e-6 kg*m^2"])
+    inertia: ArmatureField | None = optional("4.1e-6 kg*m^2")
     """Inertia of the transmission at the actuator, in addition to the inertia of the rotor; in a differential, at each actuator."""
-    repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}])
+    repeat: RepeatSpec | None = optional({"count": 6})
     """Repeats the entry as `name_0`, `name_1` and so on."""
 
     def _check_rules(self) -> None:

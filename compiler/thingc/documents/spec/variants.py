@@ -8,7 +8,7 @@ from pydantic import Field
 
 from thingc.base.units import shorten
 from thingc.documents.expressions.terms import Expression
-from thingc.documents.spec.base import Model, rule
+from thingc.documents.spec.base import Model, optional, rule
 from thingc.documents.spec.fields import AnyQuantityField, CountField, FieldValidator, Name, describe, fault, name_of, read_expression
 from thingc.documents.spec.name_types import AssemblyDocument, ModeField, PoseField, RefersTo, ShownMountField
 from thingc.documents.spec.settable_values import EXAMPLES, VALUES, is_value, parse
@@ -135,9 +135,7 @@ class VariantsSpec(Model):
         default=[], alias="list", description="Single variants, which come before the variants of the grid.",
         examples=[[{"name": "short", "parameters": {"leg_length": "80 mm"}}]],
     )
-    sample: SampleSpec | None = Field(
-        default=None, examples=[{"method": "sobol", "count": 256, "seed": 7, "ranges": {"leg_length": ["70 mm", "140 mm"]}}],
-    )
+    sample: SampleSpec | None = optional({"method": "sobol", "count": 256, "seed": 7, "ranges": {"leg_length": ["70 mm", "140 mm"]}})
     """Settings for variants that are drawn at random instead of from a grid."""
     keep: list[RuleField] = Field(default=[], examples=[["mass < 2.5 kg", "reach > 400 mm"]])
     """Comparisons of parameters and results. A variant for which a comparison is false is recorded but not built."""
@@ -145,7 +143,7 @@ class VariantsSpec(Model):
     """The modes to build; default: all modes of the assembly. Results are for the first mode."""
     pose: PoseField | None = None
     """The pose for the results; default: the start pose of the mode."""
-    reach: ReachSpec | None = Field(default=None, examples=[{"of": "hand.tip", "from": "base"}])
+    reach: ReachSpec | None = optional({"of": "hand.tip", "from": "base"})
     """The mounts for the result `reach`."""
     emit: list[str] = Field(default=["mjcf"], examples=[["mjcf", "stl"]])
     """Targets to write for each variant, as for `thingc build --emit`."""

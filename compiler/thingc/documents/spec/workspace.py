@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from thingc.base.package_info import MAINTAINER, MEMORY, VERSION, one_line
-from thingc.documents.spec.base import Model
+from thingc.documents.spec.base import Model, optional
 from thingc.documents.spec.fields import AngleField, LengthField, TimeField, text_field
 
 
@@ -28,7 +28,7 @@ class MeshSpec(Model):
     """Largest distance between mesh and surface; default: 0.1 mm."""
     angular: AngleField | None = None
     """Largest angle between neighbouring facets; default: 10 deg."""
-    simulation: SimulationMeshSpec | None = Field(default=None, examples=[{"linear": "0.1 mm", "angular": "30 deg"}])
+    simulation: SimulationMeshSpec | None = optional({"linear": "0.1 mm", "angular": "30 deg"})
     """Tolerances for the visual and collision meshes of simulators."""
 
 
@@ -51,11 +51,11 @@ VersionField = Annotated[str, text_field(
 class AboutSpec(Model):
     """Metadata of the ROS packages of `--emit ros` and of USD files."""
 
-    maintainer: MaintainerField | None = Field(default=None, examples=["Ada Lovelace <ada@example.org>"])
+    maintainer: MaintainerField | None = optional("Ada Lovelace <ada@example.org>")
     """Maintainer: a name and a mail address; default: `TODO <todo@todo.todo>`."""
-    license: LicenseField | None = Field(default=None, examples=["Apache-2.0"])
+    license: LicenseField | None = optional("Apache-2.0")
     """License; default: `TODO: License declaration`."""
-    version: VersionField | None = Field(default=None, examples=["1.0.0"])
+    version: VersionField | None = optional("1.0.0")
     """Version; default: 0.0.0."""
 
 
@@ -74,16 +74,14 @@ class WorkspaceSpec(Model):
     """Default of the option `--emit` of `thingc build`. Without this key, all targets that need not be named explicitly are written."""
     mesh_uri: Literal["relative", "package", "absolute"] = Field(default="relative", examples=["package"])
     """Paths of meshes in URDF files: relative to the file, in the ROS package of the robot, or absolute on this machine."""
-    about: AboutSpec | None = Field(default=None, examples=[{"maintainer": "Ada Lovelace <ada@example.org>", "license": "Apache-2.0"}])
+    about: AboutSpec | None = optional({"maintainer": "Ada Lovelace <ada@example.org>", "license": "Apache-2.0"})
     """Metadata of the ROS packages of `--emit ros` and of USD files."""
     compat: list[Literal["mjx", "warp", "drake", "pymjcf"]] = Field(default=[], examples=[["mjx"]])
     """Default of `--compat` and `compat=`: programs besides MuJoCo that must be able to read the MuJoCo models."""
     part_timeout: TimeField | None = None
     """Time limit for building one part; default: 120 s."""
-    part_memory: MemoryField | None = Field(default=None, examples=["4 GB"])
+    part_memory: MemoryField | None = optional("4 GB")
     """Memory limit for building one part; default: half of the machine's memory."""
-    bed: Annotated[list[LengthField], Field(min_length=3, max_length=3)] | None = Field(
-        default=None, examples=[["250 mm", "210 mm", "210 mm"]],
-    )
+    bed: Annotated[list[LengthField], Field(min_length=3, max_length=3)] | None = optional(["250 mm", "210 mm", "210 mm"])
     """Size of the print bed of `--emit 3mf`, and the largest height of a print; default: 250 mm, 210 mm, 210 mm."""
-    mesh: MeshSpec | None = Field(default=None, examples=[{"linear": "0.1 mm", "angular": "10 deg"}])
+    mesh: MeshSpec | None = optional({"linear": "0.1 mm", "angular": "10 deg"})
