@@ -396,14 +396,9 @@ def files(environment: Environment, compilation: Compilation, artifacts: Mapping
     assert documents is not None
     files = {path: content for target_artifacts in artifacts.values() for path, content in target_artifacts.files.items()}
     files[MANIFEST] = manifest(
-        _assembly(compilation),
-        document=documents.root.relative,
-        documents={path: document.sha256 for path, document in documents.by_path.items()},
-        settings=compilation.settings,
-        modes=[robot.mode.name for robot in compilation.robots],
-        emit=list(artifacts),
-        compat=environment.compat,
-        files=files,
+        _assembly(compilation), document=documents.root.relative,
+        documents={path: document.sha256 for path, document in documents.by_path.items()}, settings=compilation.settings,
+        modes=[robot.mode.name for robot in compilation.robots], emit=list(artifacts), compat=environment.compat, files=files,
         losses=[loss for target_artifacts in artifacts.values() for loss in target_artifacts.losses],
         workspace=environment.geometry.workspace,
     )

@@ -22,17 +22,8 @@ DISTRIBUTIONS = ("build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco", "t
 
 
 def manifest(
-    assembly: Assembly,
-    *,
-    document: str,
-    documents: Mapping[str, str],
-    settings: Settings,
-    modes: Sequence[str],
-    emit: Sequence[str],
-    compat: Sequence[str],
-    files: Mapping[str, Content],
-    losses: Sequence[Loss],
-    workspace: Workspace,
+    assembly: Assembly, *, document: str, documents: Mapping[str, str], settings: Settings, modes: Sequence[str], emit: Sequence[str],
+    compat: Sequence[str], files: Mapping[str, Content], losses: Sequence[Loss], workspace: Workspace,
 ) -> bytes:
     """Create the content of the file `manifest.json` as bytes.
 

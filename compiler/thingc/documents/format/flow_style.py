@@ -77,7 +77,7 @@ def shape_below(shape: FieldType | None, key: str | None) -> FieldType | None:
     """
     if shape is None:
         return None
-    if shape.model is not None and shape.kind == "model":
+    if shape.model is not None:
         return None if key is None else _keys(shape.model)[1].get(key)
     if (shape.kind == "dict") == (key is not None) and shape.kind in ("dict", "list"):
         return shape_of(shape.members[0])
@@ -89,7 +89,7 @@ def canonical_order(names: Sequence[str], shape: FieldType | None) -> list[int]:
 
     A key that the document model does not define stays behind the key that precedes it in the document.
     """
-    if shape is None or shape.kind != "model" or shape.model is None:
+    if shape is None or shape.model is None:
         return list(range(len(names)))
     ranks = _keys(shape.model)[0]
     ranked: list[tuple[int, int]] = []
@@ -115,7 +115,7 @@ def space_units(text: str, shape: FieldType | None) -> str:
 
 def equal_values(text: str, other: str, shape: FieldType | None) -> bool:
     """Return whether two strings for the same field represent the same quantity."""
-    if shape is not None and shape.kind == "field" and shape.field is not None:
+    if shape is not None and shape.field is not None:
         try:
             value = shape.field.validate(text)
             return not isinstance(value, str) and bool(value == shape.field.validate(other))
@@ -131,7 +131,7 @@ def equal_values(text: str, other: str, shape: FieldType | None) -> bool:
 
 def is_vector(shape: FieldType) -> bool:
     """Return whether a field is a vector, so that the items of its list are quantities."""
-    if shape.kind != "field" or shape.field is None:
+    if shape.field is None:
         return False
     try:
         return isinstance(shape.field.validate("0 0 0"), tuple)

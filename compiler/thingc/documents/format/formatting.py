@@ -110,7 +110,7 @@ def equal(before: Node, after: Node, shape: FieldType | None) -> bool:
     if isinstance(before, MappingNode) and isinstance(after, MappingNode):
         shape = shape_for(shape, dict.fromkeys(before.entries))
         names, new_names = list(before.entries), list(after.entries)
-        if shape is not None and shape.kind == "model":
+        if shape is not None and shape.model is not None:
             names, new_names = sorted(names), sorted(new_names)
         return names == new_names and all(equal(before.entries[name], after.entries[name], shape_below(shape, name)) for name in names)
     return False

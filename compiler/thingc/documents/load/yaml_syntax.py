@@ -13,7 +13,7 @@ from thingc.base.units import shorten
 from thingc.documents.load.text import Source
 
 
-class SyntaxFault(FrozenStruct):
+class SyntaxFault(FrozenStruct, kw_only=False):
     """A syntax error: its message, its range in the text, a hint, and an optional second position with its own message."""
 
     message: str
@@ -38,37 +38,27 @@ def explain(source: Source, *, problem: str, at: int, context: str, began: int) 
     text = source.text
     tab = _find_tab(source, at)
     if tab is not None:
-        return SyntaxFault(
-            message="found a tab in the indentation; YAML requires spaces", start=tab, end=tab + 1,
-            help="replace the tab with spaces",
-        )
+        return SyntaxFault("found a tab in the indentation; YAML requires spaces", tab, tab + 1, help="replace the tab with spaces")
     for match in _QUOTED.finditer(text, 0, at):
         start, end = match.start(), match.end() - 1
         if source.line_at(start) < source.line_at(end) == source.line_at(at):
             return SyntaxFault(
-                message="the quote opened here is not closed on its line", start=start, end=start + 1,
-                help=f"add `{text[start]}` at the end of the string", note=(f"the next `{text[start]}` closes the string here", end),
+                "the quote opened here is not closed on its line", start, start + 1, help=f"add `{text[start]}` at the end of the string",
+                note=(f"the next `{text[start]}` closes the string here", end),
             )
     if "quoted scalar" in context and ("end of stream" in problem or "document indicator" in problem or "separator" in problem):
         quote = text[began : began + 1]
-        return SyntaxFault(
-            message="the quote opened here is not closed", start=began, end=began + 1,
-            help=f"add `{quote}` at the end of the string",
-        )
+        return SyntaxFault("the quote opened here is not closed", began, began + 1, help=f"add `{quote}` at the end of the string")
     if "escape" in problem or "hexdecimal" in problem or "hexadecimal" in problem:
-        return SyntaxFault(
-            message="an unknown escape in double quotes", start=at, end=at + 1,
-            help="write `\\\\` for a backslash, or use single quotes",
-        )
+        return SyntaxFault("an unknown escape in double quotes", at, at + 1, help="write `\\\\` for a backslash, or use single quotes")
     unspaced = _find_missing_space(source, at)
     if unspaced is not None:
         key, value, start = unspaced
         return SyntaxFault(
-            message=f"a space is missing after `{key}:`", start=start, end=start + len(key) + 1 + len(value),
-            help=f"write `{shorten(f'{key}: {value}')}`",
+            f"a space is missing after `{key}:`", start, start + len(key) + 1 + len(value), help=f"write `{shorten(f'{key}: {value}')}`",
         )
     if text[at : at + 1] == ":" and text[:at].rstrip(" ")[-1:] in ("", "\n", "\r", "{", ","):
-        return SyntaxFault(message="a key is missing before the `:`", start=at, end=at + 1)
+        return SyntaxFault("a key is missing before the `:`", at, at + 1)
     if "flow mapping" in context or "flow sequence" in context or "flow node" in context:
         return _explain_flow(source, at, began, "flow mapping" in context)
     return _explain_value(source, problem, at, began) or _explain_layout(source, problem, context, at, began)
@@ -82,7 +72,7 @@ def _explain_value(source: Source, problem: str, at: int, began: int) -> SyntaxF
     text = source.text
     if "mapping values are not allowed" in problem:
         return SyntaxFault(
-            message="a second `:` in one value", start=at, end=at + 1,
+            "a second `:` in one value", at, at + 1,
             help="a string with `: ` in it needs quotes; a nested mapping starts on its own line, after a key with `:`",
         )
     if "could not find expected ':'" in problem:
@@ -90,15 +80,14 @@ def _explain_value(source: Source, problem: str, at: int, began: int) -> SyntaxF
         line_text = source.line(line).strip()
         start = source.starts[line] + len(source.line(line)) - len(source.line(line).lstrip())
         return SyntaxFault(
-            message=f"expected `key: value`, found `{shorten(line_text)}`", start=start, end=start + max(1, len(line_text)),
-            help="write `: ` after a key",
+            f"expected `key: value`, found `{shorten(line_text)}`", start, start + max(1, len(line_text)), help="write `: ` after a key",
         )
     if "cannot start any token" in problem:
         character = text[at : at + 1]
-        return SyntaxFault(message=f"a value cannot start with `{character}`", start=at, end=at + 1, help="quote the value")
+        return SyntaxFault(f"a value cannot start with `{character}`", at, at + 1, help="quote the value")
     if "alphabetic or numeric" in problem:
         return SyntaxFault(
-            message=f"a value cannot start with `{text[began : began + 1]}`", start=began, end=began + 1,
+            f"a value cannot start with `{text[began : began + 1]}`", began, began + 1,
             help='a name that starts with `*` or `&` needs quotes: `"*_knee"`',
         )
     return None
@@ -109,45 +98,41 @@ def _explain_layout(source: Source, problem: str, context: str, at: int, began: 
     at = min(at, max(0, len(source.text) - 1))
     end = at + max(1, len(re.match(r"[^\s:,{}\[\]]*", source.text[at:]).group()))  # type: ignore[union-attr]
     if "sequence entries are not allowed" in problem:
-        return SyntaxFault(
-            message="a list item `-` is not allowed here", start=at, end=at + 1, help="start the list on the line after its key",
-        )
+        return SyntaxFault("a list item `-` is not allowed here", at, at + 1, help="start the list on the line after its key")
     if "block mapping" in context or "expected key" in problem:
         deeper = _deeper_line_above(source, at)
         if deeper is not None:
             line_start, columns = deeper
             return SyntaxFault(
-                message="this line does not continue the mapping above it", start=at, end=end,
+                "this line does not continue the mapping above it", at, end,
                 help=f"keys of a mapping must start in the same column, here {' or '.join(map(str, columns))}",
                 note=(f"the line above it starts in column {columns[0]}", line_start),
             )
         line_above = _shallower_line_above(source, at)
         if line_above is not None:
             return SyntaxFault(
-                message="this line is indented further than the line above it, which already has a value", start=at, end=end,
+                "this line is indented further than the line above it, which already has a value", at, end,
                 help="keys of a mapping must start in the same column: indent this line and the line above it equally",
                 note=("the line above it starts here", line_above),
             )
         return SyntaxFault(
-            message="this line does not continue the mapping above it", start=at, end=end,
+            "this line does not continue the mapping above it", at, end,
             help="keys of a mapping must start in the same column; put the whole string in quotes if it contains quotes",
             note=("the mapping starts here", began),
         )
     if "block collection" in context or "block sequence" in context:
         return SyntaxFault(
-            message="this line does not continue the list above it", start=at, end=end,
-            help="the `-` of all items of a list must be in the same column", note=("the list starts here", began),
+            "this line does not continue the list above it", at, end, help="the `-` of all items of a list must be in the same column",
+            note=("the list starts here", began),
         )
     if "document start" in problem:
         return SyntaxFault(
-            message="expected the end of the document, found more text", start=at, end=end,
+            "expected the end of the document, found more text", at, end,
             help="a document is a single mapping: its keys must start in column 1",
         )
     if "block scalar" in context:
-        return SyntaxFault(
-            message="text after `|` or `>` must start on the next line", start=at, end=end, help="write the text on the next line",
-        )
-    return SyntaxFault(message=f"not well-formed YAML: {problem}", start=at, end=end)
+        return SyntaxFault("text after `|` or `>` must start on the next line", at, end, help="write the text on the next line")
+    return SyntaxFault(f"not well-formed YAML: {problem}", at, end)
 
 
 def _deeper_line_above(source: Source, at: int) -> tuple[int, list[int]] | None:
@@ -207,13 +192,13 @@ def _explain_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxF
     if comment is not None and source.line_at(at) != source.line_at(began):
         start = began + comment.start()
         return SyntaxFault(
-            message=f"a `#` after a space starts a comment, so the `{opened}` of this line is not closed",
-            start=start, end=start + len(comment.group()), help=f'write `"{comment.group()}"`',
+            f"a `#` after a space starts a comment, so the `{opened}` of this line is not closed", start, start + len(comment.group()),
+            help=f'write `"{comment.group()}"`',
         )
     if at >= len(source.text.rstrip()) or source.line_at(at) != source.line_at(began) or character in "}]":
         return SyntaxFault(
-            message=f"the `{opened}` opened here is not closed with `{closing}`", start=began, end=began + 1,
-            help=f"add `{closing}`", note=("found this text instead", min(at, max(0, len(source.text) - 1))),
+            f"the `{opened}` opened here is not closed with `{closing}`", began, began + 1, help=f"add `{closing}`",
+            note=("found this text instead", min(at, max(0, len(source.text) - 1))),
         )
     preceding = source.text[max(began, at - _LONGEST_KEY) : at]
     key = re.search(r"[{\[,]\s*([\w.$*-]+) +$", preceding) if character in "{[" else None
@@ -224,8 +209,7 @@ def _explain_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxF
     if key is not None:
         help = f"write `: ` after a key: `{key[1]}: {character}`"
     return SyntaxFault(
-        message=f"expected `,` or `{closing}`, found `{character}`", start=at, end=at + 1, help=help,
-        note=(f"inside the `{opened}` opened here", began),
+        f"expected `,` or `{closing}`, found `{character}`", at, at + 1, help=help, note=(f"inside the `{opened}` opened here", began),
     )
 
 

@@ -46,20 +46,18 @@ class FieldType(FrozenStruct):
     @property
     def description(self) -> str:
         """A description of the valid values for messages."""
-        if self.kind == "model":
-            assert self.model is not None
+        if self.model is not None:
             keys = model_keys(self.model)
             own_keys = [key for key in self.model.__annotations__ if key in keys]
             names = [key for key, (_, required) in keys.items() if required] or list(dict.fromkeys([*own_keys, *keys]))[:3]
             return "a mapping with " + ", ".join(f"`{key}`" for key in names)
         if self.kind == "literal":
             return one_of([format_choice(choice) for choice in self.choices])
-        if self.kind == "field":
-            assert self.field is not None
+        if self.field is not None:
             return self.field.description
         if self.kind == "union":
             shapes = [shape_of(member) for member in self.members]
-            has_model = any(shape.kind == "model" for shape in shapes)
+            has_model = any(shape.model is not None for shape in shapes)
             numbered = any(shape.by_number for shape in shapes)  # there may be several values, in a list or by number
             omitted = {*(("dict",) if has_model else ()), *(("list", "dict") if numbered else ())}
             return " or ".join(shape.description for shape in shapes if shape.kind not in omitted)
@@ -128,7 +126,7 @@ def branch_of(shape: FieldType, value: Any) -> FieldType | None:
         return max(candidates, key=lambda branch: likeness(branch, value)) if candidates else None
     if isinstance(value, list):
         sequence = next((branch for branch in branches if branch.kind == "list"), None)
-        of_models = sequence is not None and shape_of(sequence.members[0]).kind == "model"
+        of_models = sequence is not None and shape_of(sequence.members[0]).model is not None
         if of_models and any(branch.by_number for branch in branches) and not any(isinstance(item, dict) for item in value):
             return None  # `limit: [-90 deg, 90 deg]` is not a list of limits
         return next((branch for branch in branches if branch.kind in ("list", "field")), None)

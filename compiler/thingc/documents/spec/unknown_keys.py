@@ -142,7 +142,7 @@ def types_along(root: type[Model], document: Document, path: Path) -> Iterator[F
             if chosen is None:
                 return
             shape = chosen
-        if shape.kind == "model" and shape.model is not None and str(step) in model_keys(shape.model):
+        if shape.model is not None and str(step) in model_keys(shape.model):
             shape = model_keys(shape.model)[str(step)][0]
         elif shape.kind in ("dict", "list"):
             shape = shape_of(shape.members[0])

@@ -157,8 +157,7 @@ def _union_faults(shape: FieldType, value: Any, path: Path) -> Iterator[Fault]:
     branch = branch_of(shape, value)
     if branch is None:
         yield Fault(path=path, kind="type", context={}, value=value, shape=shape)
-    elif branch.kind == "field":
-        assert branch.field is not None
+    elif branch.field is not None:
         try:
             branch.field.validate(value)
         except PydanticCustomError as fault:
@@ -182,8 +181,7 @@ def _document_path(shape: FieldType, location: tuple[int | str, ...], kind: str)
     for index, step in enumerate(location):
         if shape.kind == "union":
             return tuple(path), shape, False, True
-        if shape.kind == "model":
-            assert shape.model is not None
+        if shape.model is not None:
             path.append(step)
             field = model_keys(shape.model).get(str(step))
             if field is None or (kind == "missing" and index == len(location) - 1):
