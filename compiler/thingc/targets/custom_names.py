@@ -123,10 +123,10 @@ class _Caller:
     # --- rules: the fields of a record that change; `fields` are the fields found by their types ---------------------------
 
     def _drive(self, driven: JointEdge | TreeJoint | LinkedTendon, fields: dict[str, Any]) -> dict[str, Any]:
-        own, tied = self.names.actuators.get(driven.path), self.names.equalities.get(driven.path)
-        if not isinstance(driven, LinkedTendon) and driven.mimic is not None and tied is not None:
-            fields = {**fields, "mimic": replace(fields["mimic"], name=tied)}
-        return fields if driven.actuator is None or own is None else {**fields, "actuator": replace(driven.actuator, name=own)}
+        name, mimic_name = self.names.actuators.get(driven.path), self.names.equalities.get(driven.path)
+        if not isinstance(driven, LinkedTendon) and driven.mimic is not None and mimic_name is not None:
+            fields = {**fields, "mimic": replace(fields["mimic"], name=mimic_name)}
+        return fields if driven.actuator is None or name is None else {**fields, "actuator": replace(driven.actuator, name=name)}
 
     def _closure(self, closure: Closure, fields: dict[str, Any]) -> dict[str, Any]:
         kind = "mounts" if closure.hold else "joints"

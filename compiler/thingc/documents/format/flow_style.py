@@ -151,7 +151,7 @@ class Inline:
         source_text = self.text[piece.start : piece.end]
         if piece.kind == "scalar":
             return self.scalar(piece, source_text, shape, indent)
-        if piece.odd:
+        if piece.verbatim:
             return indent_rest(source_text, indent)
         # an alias may be among user-defined keys, which keep their order
         shape = None if piece.body > piece.start else shape_for(shape, outline(piece))

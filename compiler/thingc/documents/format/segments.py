@@ -71,7 +71,7 @@ class Segment:
 
     `body` is the index of the first character after the anchor of the value. `anchors` contains the YAML anchors of the value and of values
     inside it, and `aliases` the anchors to which aliases in the value refer. `trailing` contains the comments at the end of a block.
-    `column` is the column (from 0) of the keys or dashes of a block. If `odd` is True, the value is not reformatted.
+    `column` is the column (from 0) of the keys or dashes of a block. If `verbatim` is True, the value is not reformatted.
     """
 
     kind: str
@@ -79,7 +79,7 @@ class Segment:
     end: int
     body: int
     flow: bool = False
-    odd: bool = False
+    verbatim: bool = False
     column: int = 0
     items: list[Item] = field(default_factory=list)
     anchors: frozenset[str] = frozenset()

@@ -195,6 +195,6 @@ class _Cutter:
         if node.type == "inline_table":
             pairs = [self.pair(child) for child in children if child.type == "pair"]
             items = [Item(key=pair.key, name=pair.path[0], value=pair.value) for pair in pairs if pair.value is not None]
-            odd = any(len(pair.path) > 1 for pair in pairs)
-            return Segment(kind="map", start=start, end=end, body=start, flow=True, items=items, odd=odd)
+            verbatim = any(len(pair.path) > 1 for pair in pairs)
+            return Segment(kind="map", start=start, end=end, body=start, flow=True, items=items, verbatim=verbatim)
         return Segment(kind="scalar", start=start, end=end, body=start)

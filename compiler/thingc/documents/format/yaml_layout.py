@@ -83,7 +83,7 @@ class _Cutter:
         items: list[Item] = []
         flow = bool(event.flow_style)
         start = event.start_mark.index
-        odd = False
+        verbatim = False
         next_event = next(self.events)
         while type(next_event).__name__ != "MappingEndEvent":
             key = (next_event.start_mark.index, next_event.end_mark.index)
@@ -94,11 +94,11 @@ class _Cutter:
                 value.anchors |= {next_event.anchor}
             if flow:
                 colon = _FLOW_COLON.match(self.text, key[1])
-                odd = odd or colon is None or colon.end() != value.start or value.start == value.end
+                verbatim = verbatim or colon is None or colon.end() != value.start or value.start == value.end
             items.append(Item(key=key, name=next_event.value, value=value))
             next_event = next(self.events)
         piece = self.collection("map", start, next_event, items, anchors, flow)
-        piece.odd = flow and (odd or self.text[piece.body : piece.body + 1] != "{")
+        piece.verbatim = flow and (verbatim or self.text[piece.body : piece.body + 1] != "{")
         return piece
 
     def sequence(self, event: Any, anchors: frozenset[str]) -> Segment:
@@ -112,25 +112,23 @@ class _Cutter:
             items.append(Item(value=value))
             next_event = next(self.events)
         piece = self.collection("list", event.start_mark.index, next_event, items, anchors, flow)
-        piece.odd = flow and any(item.value.start == item.value.end for item in items)
+        piece.verbatim = flow and any(item.value.start == item.value.end for item in items)
         return piece
 
     def collection(self, kind: str, start: int, last: Any, items: list[Item], anchors: frozenset[str], flow: bool) -> Segment:
         body = self.body_of(start)
-        own_anchors = anchors
-        for item in items:
-            anchors |= item.value.anchors
+        all_anchors = anchors.union(*(item.value.anchors for item in items))
         aliases = frozenset(name for item in items for name in item.value.aliases)
         if flow:
             if "\n" in self.text[start:body]:
                 raise UnsupportedStyle
             return Segment(
-                kind=kind, start=start, end=last.end_mark.index, body=body, flow=True, items=items, anchors=anchors, aliases=aliases,
+                kind=kind, start=start, end=last.end_mark.index, body=body, flow=True, items=items, anchors=all_anchors, aliases=aliases,
             )
-        if not items or (kind == "list" and own_anchors):
+        if not items or (kind == "list" and anchors):
             raise UnsupportedStyle
         body = start
-        if own_anchors:
+        if anchors:
             match = _BLOCK_ANCHOR.match(self.text, start)
             if match is None:
                 raise UnsupportedStyle
@@ -138,7 +136,7 @@ class _Cutter:
         first_start = items[0].start if kind == "map" else start
         return Segment(
             kind=kind, start=start, end=max(items[-1].value.end, items[-1].start), body=body, items=items,
-            column=first_start - (self.text.rfind("\n", 0, first_start) + 1), anchors=anchors, aliases=aliases,
+            column=first_start - (self.text.rfind("\n", 0, first_start) + 1), anchors=all_anchors, aliases=aliases,
         )
 
 
@@ -348,13 +346,9 @@ class _Printer:
         if piece.kind == "scalar" and self.text[piece.body] in "|>":
             original = self.text[piece.start : piece.end].split("\n")
             indents = [len(line) - len(line.lstrip(" ")) for line in original[1:] if line.strip(" ")]
-            least = min(indents, default=0)
-            lines = formatted.split("\n")
-            lines[0] = lines[0].rstrip()
-            for index, line in enumerate(original[1:], 1):
-                if not line.strip(" ") and len(line) <= least:
-                    lines[index] = ""
-            return "\n".join(lines)
+            first, *rest = formatted.split("\n")
+            empty = [not line.strip(" ") and len(line) <= min(indents, default=0) for line in original[1:]]
+            return "\n".join([first.rstrip(), *("" if is_empty else line for line, is_empty in zip(rest, empty, strict=True))])
         return formatted
 
     def block(self, piece: Segment, shape: FieldType | None, indent: int) -> list[str]:

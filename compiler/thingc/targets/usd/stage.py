@@ -282,12 +282,8 @@ def _set_size(prim: Prim, shape: Shape) -> tuple[float, ...]:
     match shape.kind:
         case "mesh":
             return ()
-        case "box":
-            prim.set("double size", 2.0)
-            _extent(prim, (1.0, 1.0, 1.0))
-            return shape.size
-        case "ellipsoid":
-            prim.set("double radius", 1.0)
+        case "box" | "ellipsoid":
+            prim.fill({"double size": 2.0} if shape.kind == "box" else {"double radius": 1.0})
             _extent(prim, (1.0, 1.0, 1.0))
             return shape.size
         case "plane":
