@@ -31,7 +31,7 @@ def stated_edge(instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
 
 def _top_name(instance: Instance, name: CoordinateName) -> CoordinateName:
     """Convert the name of a coordinate in the document of `instance` to its name in the top document."""
-    return CoordinateName(f"{instance.path.replace('/', '.')}.{name}") if instance.path else name
+    return CoordinateName(f"{instance.name}.{name}") if instance.path else name
 
 
 def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
@@ -169,9 +169,7 @@ def _fill_missing(drive: Drive, actuator: ActuatorRecord) -> Drive:
     )
 
 
-def _no_actuator(
-    tree: Tree, instance: Instance, owner: str, path: str, reference: Reference, named: Instance, *, turns: bool,
-) -> None:
+def _no_actuator(tree: Tree, instance: Instance, owner: str, path: str, reference: Reference, named: Instance, *, turns: bool) -> None:
     """Report a drive whose component `named` has no actuator."""
     text, able = reference.text, list(_with_actuator(instance))
     if named.assembly is not None:

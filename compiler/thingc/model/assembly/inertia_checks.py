@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 
-from thingc.base import numeric
 from thingc.base.diagnostics import Code
 from thingc.base.inertia import LEAST_MASS, LEAST_MOMENT, ZERO, moments_fault, physical_fault, principal_moments
 from thingc.base.joints.kinds import stays
@@ -14,7 +13,7 @@ from thingc.model.assembly.links import rigid_groups
 from thingc.model.assembly.mass import stated_inertia
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Connected, Occurrence
-from thingc.model.resolve.plausibility import SMALLEST, density_doubt, mass_words, measures, unit_meant
+from thingc.model.resolve.plausibility import SMALLEST, density_doubt, longest_side, mass_words, measures, unit_meant
 
 _ROOM = 1e-9
 """Relative tolerance for rounding errors."""
@@ -77,7 +76,7 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
             continue
         said.update(link.origin[:1])
         members = [robot.occurrences[k] for k in link.members]
-        named = _format_members(members)
+        named = f"component{'' if len(members) == 1 else 's'} {quote_names([member.path for member in members], 6)}"
         if fault is not None:
             code, what = Code.NOT_PHYSICAL, f"its inertia is not physical: {fault} ({named})"
             help = "add a mass to a component with geometry, or add `inertia:` to a component of the link"
@@ -115,15 +114,9 @@ def _cause(one: Occurrence) -> str:
     """Return the likely reason why a link is too light: the unit or density of its heaviest component, otherwise a general hint."""
     record = one.record
     if record is not None and record.box is not None:
-        longest = numeric.maximum(above - below for below, above in zip(*record.box))
-        if longest < SMALLEST:
-            return unit_meant(one.component.definition, longest)
+        if longest_side(record.box) < SMALLEST:
+            return unit_meant(one.component.definition, record.box)
         doubt = density_doubt(one.properties.mass / record.volume)
         if doubt is not None:
             return f"check its density or mass: it {doubt.words}"
     return "check the sizes, `mass` and `inertia` of the link and their units, or use `attach` instead of a joint"
-
-
-def _format_members(members: Sequence[Occurrence]) -> str:
-    """Format the names of components for a message: `components a, b and 3 more`."""
-    return f"component{'' if len(members) == 1 else 's'} {quote_names([one.path for one in members], 6)}"

@@ -45,6 +45,11 @@ class Instance:
     unit: Unit | None = None
     detail: frozenset[str] = frozenset()
 
+    @property
+    def name(self) -> str:
+        """The path as documents write it, such as `hand.cap`. The name of the top document is empty."""
+        return self.path.replace("/", ".")
+
     def within(self, name: str) -> str:
         """Return the path of an element of this assembly in the robot: `hand/tip` for the element `tip` of the assembly at `hand`."""
         return f"{self.path}/{name}" if self.path else name

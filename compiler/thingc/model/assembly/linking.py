@@ -18,14 +18,15 @@ from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.interfaces import check_declared, check_expectations, check_interfaces, check_screws
 from thingc.model.assembly.kinematics import forward_kinematics, neighbourhood, on_loops
 from thingc.model.assembly.links import connected_components, links_between, links_of
-from thingc.model.assembly.mates import check_loops, loops_in, mates_of, stated_joints
-from thingc.model.assembly.modes import added_of, adhesions_of, check_poses, exported_of, modes_of, raw_of, sensors_of, tests_of
+from thingc.model.assembly.mates import check_loops, mates_of, stated_joints
+from thingc.model.assembly.modes import added_of, adhesions_of, check_poses, exported_of, modes_of, raw_of
 from thingc.model.assembly.names import names_of
 from thingc.model.assembly.part_instances import PartInstances
 from thingc.model.assembly.plausibility import check_plausible
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.shape_links import Meshes
-from thingc.model.assembly.tendons import set_rest_length, tendons_of
+from thingc.model.assembly.tendons import sensors_of, set_rest_length, tendons_of
+from thingc.model.assembly.tests import tests_of
 from thingc.model.assembly.types import Assembly, Connected, Mate, Occurrence
 from thingc.model.resolve.types import AssemblyDefinition
 
@@ -75,10 +76,11 @@ def link(
     robot = _connect(tree, mates, memo)
     names = names_of(tree, robot)
     joints = tuple(joint for mate in mates for joint in mate.joints)
-    driven = (one for one in robot.tendons if one.actuator is not None)
-    tests = tests_of(tree, (*joints, *driven))
+    driven = (tendon for tendon in robot.tendons if tendon.actuator is not None)
+    tests = tuple(tests_of(tree, (*joints, *driven)))
     _check(robot, placed_by_at, findings)
-    known = not findings.incomplete or not (findings.earlier or findings.failed or any(loops_in(tree)))
+    has_loops = any(joint.loop for _, definition in tree.assemblies for joint in definition.joints)
+    known = not findings.incomplete or not (findings.earlier or findings.failed or has_loops)
     check_poses(tree, stated_joints(tree, joints), on_loops(len(robot.occurrences), mates), unset=known)
     base, at = tree.top.index, _rest(tree, mates, memo)
     count, placing = len(robot.occurrences), sum(1 for mate in mates if mate.loop is None)
@@ -91,7 +93,7 @@ def link(
         return None
     assembly = Assembly(
         **asdict(robot), name=model.name, definition=model, base=base, rest=tuple(at[index] for index in range(count)), poses=model.poses,
-        raw=raw_of(tree), added=added_of(tree), tests=tests, names=names,
+        raw=tuple(raw_of(tree)), added=added_of(tree), tests=tests, names=names,
     )
     check_plausible(tree, assembly)
     return assembly
@@ -99,7 +101,7 @@ def link(
 
 def _connect(tree: Tree, mates: tuple[Mate, ...], memo: Memo) -> Connected:
     """Return the linked robot with its occurrences, links, modes, sensors, tendons and magnets."""
-    exported = exported_of(tree)
+    exported = tuple(exported_of(tree))
     occurrences = tuple(
         memo.same(("occurrence", instance.path), _occurrence(index, instance, tree)) for index, instance in enumerate(tree.occurrences)
     )
@@ -109,7 +111,7 @@ def _connect(tree: Tree, mates: tuple[Mate, ...], memo: Memo) -> Connected:
     modes, adhesions = modes_of(tree, occurrences, link_of), adhesions_of(tree)
     return Connected(
         occurrences=occurrences, mates=mates, links=links, link_of=link_of, exported=exported, modes=modes, adhesions=adhesions,
-        sensors=sensors_of(tree, link_of), tendons=tendons_of(tree, link_of),
+        sensors=tuple(sensors_of(tree, link_of)), tendons=tuple(tendons_of(tree, link_of)),
         between=links_between(links, link_of, occurrences, mates, modes, adhesions),
     )
 

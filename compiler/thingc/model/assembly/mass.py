@@ -15,7 +15,7 @@ from thingc.base import numeric
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import ZERO, MassProperties
 from thingc.base.pose import Matrix
-from thingc.geometry.print_slices import BRIDGE_FLOW, OVERLAP, UPRIGHT, LikelySlicing, PrintDirection, SliceResult, Slicing
+from thingc.geometry.print_slices import LikelySlicing, SliceResult, Slicing
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.resolve.types import AssemblyDefinition, Component, Material, Overrides, Process
@@ -34,65 +34,12 @@ class MassResult(FrozenStruct):
     estimate: str | None = None
 
 
-def merge_processes(primary: Process | None, fallback: Process | None) -> Process | None:
-    """Merge the settings of two manufacturing processes. If both contain a setting, the value in `primary` is used."""
-    if primary is None or fallback is None:
-        return primary if primary is not None else fallback
-    specified = {name: value for name in Process.__struct_fields__ if (value := getattr(primary, name)) is not None}
-    invalid = primary.wrong | (fallback.wrong - specified.keys())
-    return replace(fallback, **{**specified, "origins": {**fallback.origins, **primary.origins}, "wrong": invalid})
-
-
-_NEEDED = {"skin": ("walls", "line_width"), "layers": ("walls", "line_width", "layer", "top", "bottom")}
-
-
-def estimate_of(process: Process | None) -> str | None:
-    """Return the method for estimating the printed volume of a part, `layers` or `skin`. Return None for a solid part."""
-    if process is None or process.infill is None or process.infill >= 1.0:
-        return None
-    return process.estimate or ("layers" if process.kind == "fdm" else "skin")
-
-
-def missing_keys(process: Process | None) -> tuple[str, ...]:
-    """Return the missing process settings without which the mass of a part cannot be estimated, such as `("walls",)`."""
-    return tuple(key for key in _NEEDED.get(estimate_of(process) or "", ()) if getattr(process, key) is None)
-
-
-def unspecified_keys(process: Process | None) -> tuple[str, ...]:
-    """Return the missing process settings that must be reported to the user.
-
-    Invalid settings are omitted, because they have already been reported. If `kind` or `estimate` is invalid, the result is empty.
-    """
-    if process is None or not process.wrong.isdisjoint(("kind", "estimate")):
-        return ()
-    return tuple(key for key in missing_keys(process) if key not in process.wrong)
-
-
-def layers_too_high(process: Process) -> bool:
-    """Return whether the layer height of a printing process exceeds its line width."""
-    return process.layer is not None and process.line_width is not None and process.layer > process.line_width
-
-
-def slicing_of(process: Process | None, overrides: Overrides, record: PartRecord) -> Slicing | None:
+def slicing_of(process: Process, overrides: Overrides, record: PartRecord) -> Slicing | None:
     """Return the slicing settings of a part whose mass is estimated from its printed layers.
 
     Return None if the mass is not estimated from layers, or if settings are missing.
     """
-    return layers_of(process, overrides.up or record.up) if record.volume > 0.0 else None
-
-
-def layers_of(process: Process | None, up: PrintDirection | None) -> Slicing | None:
-    """Return the slicing settings of a part that is printed in the direction `up`.
-
-    Return None if settings are missing, or if the mass is not estimated from layers.
-    """
-    if process is None or estimate_of(process) != "layers" or missing_keys(process) or layers_too_high(process):
-        return None
-    return Slicing(
-        up=up or UPRIGHT, layer=process.layer or 0.0, line_width=process.line_width or 0.0,
-        walls=process.walls or 0, top=process.top or 0, bottom=process.bottom or 0,
-        overlap=OVERLAP if process.overlap is None else process.overlap, bridge_flow=process.bridge_flow or BRIDGE_FLOW,
-    )
+    return process.slicing(overrides.up or record.up) if record.volume > 0.0 else None
 
 
 def component_mass(component: Component, record: PartRecord | None, material: Material | None) -> MassResult | None:
@@ -128,31 +75,11 @@ def component_mass(component: Component, record: PartRecord | None, material: Ma
     if mass is None:
         return None
     return MassResult(
-        properties=_with_overrides(MassProperties(mass=mass, centre=centre, inertia=inertia), overrides), source=source, estimate=estimate,
+        properties=with_overrides(MassProperties(mass=mass, centre=centre, inertia=inertia), overrides), source=source, estimate=estimate,
     )
 
 
-def weigh_link(matter: MassProperties, overrides: Overrides) -> MassResult:
-    """Compute the mass properties of a link from the values in the document.
-
-    Missing values come from `matter`, the mass properties of the link's shapes.
-
-    If the document specifies only the mass, `matter` is scaled to this mass.
-    """
-    if overrides.mass is None:
-        return MassResult(properties=_with_overrides(matter, overrides), source="derived")
-    return MassResult(properties=_with_overrides(matter.with_mass(overrides.mass.value[0]), overrides), source=overrides.mass.source)
-
-
-def is_fully_stated(overrides: Overrides) -> bool:
-    """Return whether the document specifies mass, centre of mass and inertia of a component.
-
-    The mass properties of such a component need not be computed from its geometry.
-    """
-    return overrides.mass is not None and overrides.com is not None and overrides.inertia is not None
-
-
-def _with_overrides(properties: MassProperties, overrides: Overrides) -> MassProperties:
+def with_overrides(properties: MassProperties, overrides: Overrides) -> MassProperties:
     """Replace the centre of mass and the inertia by the values in the document, if specified."""
     if overrides.com is not None:
         x, y, z = overrides.com.value
@@ -168,7 +95,7 @@ def stated_inertia(six: tuple[float, ...]) -> Matrix:
     return ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
 
 
-def _matter(record: PartRecord | None, process: Process | None, overrides: Overrides) -> tuple[MassProperties, str | None]:
+def _matter(record: PartRecord | None, process: Process, overrides: Overrides) -> tuple[MassProperties, str | None]:
     """Return the mass properties of a part at density 1 (volume [m^3], centre [m], inertia [m^5]), and the method of estimation.
 
     The properties of a part without infill are exact. The method `layers` computes the properties from the sliced layers of the part. The
@@ -177,7 +104,7 @@ def _matter(record: PartRecord | None, process: Process | None, overrides: Overr
     if record is None or record.volume <= 0.0:
         return (NOTHING if record is None else replace(NOTHING, centre=record.centre)), None
     exact = MassProperties(mass=record.volume, centre=record.centre, inertia=record.inertia)
-    if process is None or process.infill is None or estimate_of(process) is None:
+    if process.infill is None or process.estimation is None:
         return exact, None
     slicing = slicing_of(process, overrides, record)
     sliced = record.slices.get(slicing) if slicing is not None else None
@@ -209,9 +136,10 @@ def material_of(component: Component, record: PartRecord | None, scope: Assembly
     return scope.materials.get(record.material)
 
 
-def process_of(component: Component, material: Material | None) -> Process | None:
+def process_of(component: Component, material: Material | None) -> Process:
     """Return the manufacturing process of a component. Settings of the component take precedence over settings of its material."""
-    return merge_processes(component.overrides.process, material.process if material is not None else None)
+    of_material = material.process if material is not None else None
+    return (component.overrides.process or Process()).merge_over(of_material or Process())
 
 
 def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure]) -> dict[str, set[Slicing]]:
@@ -238,7 +166,7 @@ def likely_slicings(model: AssemblyDefinition, schemas: Mapping[str, PartSchema 
         schema, material, up = schemas.get(definition.reference), component.material, component.overrides.up
         if material is None and isinstance(schema, PartSchema):
             material = scope.materials.get(schema.material or "")
-        slicing = layers_of(process_of(component, material), up)
+        slicing = process_of(component, material).slicing(up)
         if slicing is not None:
             likely.setdefault(definition.text, set()).add((slicing, up is None))
     return likely

@@ -117,11 +117,6 @@ def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, .
     return tuple(edges.values())
 
 
-def loops_in(tree: Tree) -> Iterator[Joint]:
-    """Yield every joint of the robot that closes a kinematic loop instead of placing a component."""
-    return (joint for _, definition in tree.assemblies for joint in definition.joints if joint.loop)
-
-
 def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[Link], findings: LinkReport) -> None:
     """Report each joint that closes a loop although its mounts do not move relative to each other, and each free joint in a loop."""
     looping, groups = on_loops(len(link_of), mates), rigid_groups(len(links), link_of, mates)

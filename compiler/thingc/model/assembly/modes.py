@@ -1,4 +1,4 @@
-"""Resolve the references in modes, their contacts, poses, tests, exported mounts and raw attributes of the top document."""
+"""Resolve the references in modes, their contacts, poses, exported mounts and raw attributes of the top document."""
 
 from __future__ import annotations
 
@@ -7,29 +7,13 @@ from collections.abc import Collection, Iterator, Sequence
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, make_notes
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import hypot, isfinite, maximum
-from thingc.base.sensor_kinds import Measurement
 from thingc.base.source import Origin
 from thingc.base.suggestions import did_you_mean
-from thingc.documents.checks import kinds
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.kinematics import balls, coordinates
 from thingc.model.assembly.report import LinkReport
-from thingc.model.assembly.types import (
-    Adhesion,
-    ExportedMount,
-    Foot,
-    JointEdge,
-    LinkedHold,
-    LinkedMode,
-    LinkedMount,
-    LinkedSensor,
-    LinkedTendon,
-    LinkedTest,
-    MountAt,
-    Occurrence,
-)
+from thingc.model.assembly.types import Adhesion, ExportedMount, Foot, JointEdge, LinkedHold, LinkedMode, LinkedMount, Occurrence
 from thingc.model.resolve.raw_protected import NAMING
 from thingc.model.resolve.types import ContactGroup, ContactPair, Mode, ModeSettings, NamedPose, RawAttribute, RawElement, Reference
 
@@ -46,17 +30,14 @@ The friction of a material takes precedence over the friction of the floor, beca
 """
 
 
-def exported_of(tree: Tree) -> tuple[ExportedMount, ...]:
-    """Return the exported mounts of the top document and of all nested assemblies. An assembly precedes its nested assemblies."""
-    exported: list[ExportedMount] = []
+def exported_of(tree: Tree) -> Iterator[ExportedMount]:
+    """Yield the exported mounts of the top document and of all nested assemblies. An assembly precedes its nested assemblies."""
     for instance, definition in tree.assemblies:
         for name, reference in definition.mounts.items():
             mount = tree.find(instance, reference)
             if mount is not None:
-                exported.append(ExportedMount(
-                    path=instance.within(name), occurrence=mount.occurrence, mount=mount.mount, origin=reference.origin + instance.origin,
-                ))
-    return tuple(exported)
+                origin = reference.origin + instance.origin
+                yield ExportedMount(path=instance.within(name), occurrence=mount.occurrence, mount=mount.mount, origin=origin)
 
 
 def modes_of(tree: Tree, occurrences: Sequence[Occurrence], link_of: Sequence[int]) -> tuple[LinkedMode, ...]:
@@ -67,22 +48,17 @@ def modes_of(tree: Tree, occurrences: Sequence[Occurrence], link_of: Sequence[in
 
 def _mode(tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: Sequence[int]) -> LinkedMode | None:
     root = mount_of(tree, tree.top, mode.root)
-    pairs: dict[tuple[int, int], None] = {}
-    for first, second in mode.exclude:
-        for a in _links_named(tree, first, link_of):
-            for b in _links_named(tree, second, link_of):
-                if a != b:
-                    pairs[(min(a, b), max(a, b))] = None
-    adhesion: dict[str, float] = {}
-    for reference, force in mode.adhesion:
-        if tree.find(tree.top, reference) is not None:
-            adhesion[_path(reference)] = force
+    pairs = dict.fromkeys(
+        (min(a, b), max(a, b)) for first, second in mode.exclude
+        for a in links_named(tree, first, link_of, tree.top) for b in links_named(tree, second, link_of, tree.top) if a != b
+    )
+    adhesion = {_path(reference): force for reference, force in mode.adhesion if tree.find(tree.top, reference) is not None}
     if root is None:
         tree.findings.mark_incomplete()
         return None
     return LinkedMode(
         **tree.top.fields_of(mode, ModeSettings), root=root, exclude=tuple(pairs), adhesion=adhesion,
-        pairs=_pairs(tree, mode, occurrences, link_of), groups=_groups(tree, mode),
+        pairs=_pairs(tree, mode, occurrences, link_of), groups=tuple(_groups(tree, mode)),
         holds=tuple(_holds(tree, mode)), feet=tuple(_feet(tree, mode)),
     )
 
@@ -133,25 +109,6 @@ def _feet(tree: Tree, mode: Mode) -> Iterator[Foot]:
         yield Foot(mount=choice, friction=SLIDE if friction is None else friction, origin=reference.origin)
 
 
-def sensors_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedSensor, ...]:
-    """Return the sensors of all documents. Sensors of a document precede sensors of its nested documents."""
-    sensors: list[LinkedSensor] = []
-    for instance, definition in tree.assemblies:
-        for sensor in definition.sensors:
-            at, seen_from = sensor.at, sensor.seen_from
-            mounts = {reference: mount_of(tree, instance, reference) for reference in (at, seen_from) if reference is not None}
-            touching = [link for component in sensor.touching for link in _links_named(tree, component, link_of, instance)]
-            if None in mounts.values() or len(touching) < len(sensor.touching):
-                continue
-            sensors.append(LinkedSensor(
-                **instance.fields_of(sensor, Measurement), path=instance.within(sensor.name), touching=tuple(touching),
-                at=None if at is None else mounts[at], seen_from=None if seen_from is None else mounts[seen_from],
-                joint=instance.within(sensor.joint) if sensor.joint is not None else None,
-                tendon=instance.within(sensor.tendon) if sensor.tendon is not None else None,
-            ))
-    return tuple(sensors)
-
-
 def mount_of(tree: Tree, instance: Instance, reference: Reference) -> LinkedMount | None:
     """Resolve a reference in the document of `instance` to a mount. If the reference is invalid, report an error and return None."""
     mount = tree.find(instance, reference)
@@ -164,12 +121,12 @@ def _path(reference: Reference) -> str:
     return "/".join((*reference.path, reference.mount or "origin"))
 
 
-def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int], within: Instance | None = None) -> Collection[int]:
-    """Return the indices of the links to which a reference in the document `within` (default: the top document) refers.
+def links_named(tree: Tree, reference: Reference, link_of: Sequence[int], instance: Instance) -> Collection[int]:
+    """Return the indices of the links to which a reference in the document of `instance` refers.
 
     For a reference to a nested assembly, return all links of the assembly. For a reference to a mount, return only the link of the mount.
     """
-    return dict.fromkeys(link_of[member] for member in tree.members(within or tree.top, reference) or ())
+    return dict.fromkeys(link_of[member] for member in tree.members(instance, reference) or ())
 
 
 def adhesions_of(tree: Tree) -> tuple[Adhesion, ...]:
@@ -181,28 +138,23 @@ def adhesions_of(tree: Tree) -> tuple[Adhesion, ...]:
     for mode in tree.model.modes:
         for reference, force in mode.adhesion:
             mount = tree.find(tree.top, reference)
-            if mount is None:
-                continue
             path = _path(reference)
-            known_magnet = largest.get(path)
-            if known_magnet is None or force > known_magnet.force:
+            if mount is not None and (path not in largest or force > largest[path].force):
                 largest[path] = Adhesion(path=path, occurrence=mount.occurrence, mount=mount.mount, force=force)
     return tuple(largest.values())
 
 
-def raw_of(tree: Tree) -> tuple[RawAttribute, ...]:
-    """Return the raw attributes of all documents.
+def raw_of(tree: Tree) -> Iterator[RawAttribute]:
+    """Yield the raw attributes of all documents.
 
     Names of elements are converted to paths in the robot: `yaw` of `hand` becomes `hand/yaw`.
     """
-    attributes: list[RawAttribute] = []
     for instance, definition in tree.assemblies:
         for raw in definition.raw:
             path = raw.path
             if len(path) > 2:  # keys of the path: element, name and attribute; `option` and similar elements have no name
                 path = (path[0], instance.within(path[1].replace(".", "/")), *path[2:])
-            attributes.append(replace(raw, path=path, origin=raw.origin + instance.origin))
-    return tuple(attributes)
+            yield replace(raw, path=path, origin=raw.origin + instance.origin)
 
 
 def added_of(tree: Tree) -> tuple[RawElement, ...]:
@@ -298,45 +250,6 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
     )
 
 
-def tests_of(tree: Tree, joints: Sequence[JointEdge | LinkedTendon]) -> tuple[LinkedTest, ...]:
-    """Return the tests whose mounts and components are valid. All other tests are reported."""
-    by_path = {joint.path: joint for joint in joints}
-    linked: list[LinkedTest] = []
-    for test in tree.model.tests:
-        mounts: dict[Reference, MountAt] = {}
-        components: dict[Reference, tuple[int, ...]] = {}
-        lacking = False
-        for reference in _references(test.check):
-            if reference.mount is None:
-                members = tree.members(tree.top, reference)
-                components[reference] = members or ()
-                lacking = lacking or members is None
-                continue
-            mount = tree.find(tree.top, reference)
-            if mount is None:
-                lacking = True
-            else:
-                mounts[reference] = MountAt(occurrence=mount.occurrence, mount=mount.mount)
-        link = kinds()[test.kind].link
-        if link is not None:
-            link(test, test.check, by_path, tree.findings)
-        if not lacking:
-            linked.append(LinkedTest(test=test, mounts=mounts, components=components))
-    return tuple(linked)
-
-
-def _references(stated: object) -> Iterator[Reference]:
-    """Yield all references in the specification of a test."""
-    if isinstance(stated, Reference):
-        yield stated
-    elif isinstance(stated, tuple):
-        for item in stated:
-            yield from _references(item)
-    elif isinstance(stated, FrozenStruct):
-        for name in stated.__struct_fields__:
-            yield from _references(getattr(stated, name))
-
-
 def _pairs(tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: Sequence[int]) -> tuple[ContactPair[int], ...]:
     """Return the pairs of occurrences that always collide in a mode. A nested assembly represents all of its occurrences.
 
@@ -373,18 +286,16 @@ def _pairs(tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: S
     return tuple(linked_pairs.values())
 
 
-def _groups(tree: Tree, mode: Mode) -> tuple[ContactGroup[int], ...]:
-    """Return the contact groups of a mode with their occurrences. An occurrence in two groups is reported."""
+def _groups(tree: Tree, mode: Mode) -> Iterator[ContactGroup[int]]:
+    """Yield the contact groups of a mode with their occurrences. An occurrence in two groups is reported."""
     owners: dict[int, str] = {}
-    groups: list[ContactGroup[int]] = []
     for group in mode.groups:
         members = {member: reference for reference in group.members for member in tree.members(tree.top, reference) or ()}
         for member, reference in members.items():
             if (owner := owners.setdefault(member, group.name)) != group.name:
-                name = tree.occurrences[member].path.replace("/", ".")
+                name = tree.occurrences[member].name
                 tree.findings.error(
                     Code.CONTACTS, f"`{name}` is in two contact groups, `{owner}` and `{group.name}`", reference.origin,
                     help="remove the component from one of the two groups",
                 )
-        groups.append(ContactGroup(name=group.name, members=tuple(members), collides=group.collides))
-    return tuple(groups)
+        yield ContactGroup(name=group.name, members=tuple(members), collides=group.collides)

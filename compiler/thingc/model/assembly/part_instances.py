@@ -14,18 +14,7 @@ from thingc.base.suggestions import Hint, did_you_mean, nearest
 from thingc.geometry.print_slices import SliceFailure
 from thingc.geometry.record import FailureKind, ImpureInputs, MountRecord, PartDefinition, PartFailure, PartRecord, PartWarning
 from thingc.model.assembly.hag import FRAME, Definition
-from thingc.model.assembly.mass import (
-    NOTHING,
-    MassResult,
-    component_mass,
-    estimate_of,
-    layers_too_high,
-    material_of,
-    missing_keys,
-    process_of,
-    slicing_of,
-    unspecified_keys,
-)
+from thingc.model.assembly.mass import NOTHING, MassResult, component_mass, material_of, process_of, slicing_of
 from thingc.model.assembly.report import LinkReport, written_at
 from thingc.model.assembly.shape_links import Meshes, MissingDensity, list_shapes, warn_far, weigh_shapes
 from thingc.model.assembly.types import PartInstance
@@ -271,7 +260,7 @@ class PartInstances:
         if original is None or not record.exact:
             return
         bom, process = bom_of(component, record, use.scope), process_of(component, use.material)
-        bought = bom.make == "buy" or bom.make is None and process is not None and (process.kind or "").lower() == "bought"
+        bought = bom.make == "buy" or bom.make is None and (process.kind or "").lower() == "bought"
         if record.own_image and component.image_of is None:
             code = Code.OWN_IMAGE
             message = f"`{component.name}` is mirrored, but the mirror image of `{original.label}` has the same shape"
@@ -312,18 +301,19 @@ class PartInstances:
                 notes=make_notes(f"`{material.name}` is defined here", material.origin),
             )
         needs_density = record is not None and record.volume > 0.0 and record.mass is None and component.overrides.mass is None
-        if needs_density and weighed is not None and missing_keys(process):
-            if unspecified := unspecified_keys(process):
-                self._report_missing_settings(use, unspecified)
+        if weighed is None or not needs_density:
+            return weighed
+        if process.missing_keys:
+            if process.unspecified_keys:
+                self._report_missing_settings(use, process.unspecified_keys)
             else:
                 findings.mark_incomplete()
             return None
-        if needs_density and weighed is not None and estimate_of(process) == "layers" and process is not None:
-            if layers_too_high(process):
-                self._report_high_layers(use, process)
-                return None
-            if weighed.estimate == "skin":
-                self._report_unsliced(use, process)
+        if process.estimation == "layers" and process.layers_too_high:
+            self._report_high_layers(use, process)
+            return None
+        if process.estimation == "layers" and weighed.estimate == "skin":
+            self._report_unsliced(use, process)
         return weighed
 
     def _weigh_link(self, use: _Use, definition: LinkDefinition) -> MassResult | None:
@@ -375,7 +365,7 @@ class PartInstances:
 
         If a material specifies both, the error is reported once per material, otherwise once per component.
         """
-        of_material = use.material is not None and use.material.process is not None and layers_too_high(use.material.process)
+        of_material = use.material is not None and use.material.process is not None and use.material.process.layers_too_high
         message = (
             f"`layer` is {1e3 * (process.layer or 0.0):g} mm, and `line_width` only {1e3 * (process.line_width or 0.0):g} mm: "
             "a line must be at least as wide as it is high"
@@ -400,7 +390,7 @@ class PartInstances:
 
         If the process belongs to a material, the error is reported once per material, otherwise once per component.
         """
-        of_material = use.material is not None and unspecified_keys(use.material.process)
+        of_material = use.material.process.unspecified_keys if use.material is not None and use.material.process is not None else ()
         keys = of_material or missing
         listed = " and ".join(filter(None, (", ".join(f"`{key}`" for key in keys[:-1]), f"`{keys[-1]}`")))
         needed = {"walls", "line_width"} & set(keys)

@@ -20,18 +20,8 @@ from thingc.model.assembly.plausibility_modes import check_modes, check_nested_s
 from thingc.model.assembly.plausibility_prints import check_processes
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Assembly, JointEdge, Link, LinkedMode, Mate, Occurrence
-from thingc.model.resolve.plausibility import (
-    LARGEST,
-    SMALLEST,
-    density_cure,
-    density_doubt,
-    length_words,
-    mass_words,
-    measures,
-    times_words,
-    unit_meant,
-)
-from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Drive, Joint, StatedValue
+from thingc.model.resolve.plausibility import density_cure, density_doubt, length_words, mass_words, size_doubt, times_words, unit_meant
+from thingc.model.resolve.types import AssemblyDefinition, At, Drive, Joint, StatedValue
 
 CLOSE = 1e-6
 """Tolerance for comparing entries of rotation matrices, and for comparing positions [m]."""
@@ -120,9 +110,9 @@ def check_plausible(tree: Tree, assembly: Assembly) -> None:
     check_mirrored_pairs(assembly, tree.findings)
     check_nested_simulation(tree)
     check_modes(tree.model, modes, assembly.adhesions, mass, tree.findings)
-    sizes = {one.index: dist(*one.box) for one in occurrences if one.box is not None}
-    if sizes and all(one.exact for one in occurrences):
-        largest = max(sizes, key=lambda index: sizes[index])
+    sizes = {part.index: dist(*part.box) for part in occurrences if part.box is not None}
+    if sizes and all(part.exact for part in occurrences):
+        largest = max(sizes, key=sizes.__getitem__)
         _check_offsets(tree, occurrences[largest], sizes[largest])
         reach = sum_of(maximum((sizes.get(member, 0.0) for member in link.members), default=0.0) for link in links)
         _check_roots(modes, reach, tree.findings)
@@ -138,14 +128,10 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: LinkReport) -> boo
     for part in occurrences:
         if part.box is None or not part.exact or part.definition.text in warned:
             continue
-        (low, high), component = part.box, part.component
-        sides = [upper - lower for lower, upper in zip(low, high)]
-        if SMALLEST <= maximum(sides) <= LARGEST:
-            continue
-        bound = f"under {1000.0 * SMALLEST:g} mm" if maximum(sides) < SMALLEST else f"over {LARGEST:g} m"
-        if findings.warn(
-            Code.SIZE, f"`{component.name}` (`{part.definition.label}`) is {bound} long: its bounding box is {measures(part.box)}",
-            part.origin, path=part.path, notes=part.written, help=unit_meant(component.definition, maximum(sides)), allow=True,
+        doubt = size_doubt(part.box)
+        if doubt is not None and findings.warn(
+            Code.SIZE, f"`{part.component.name}` (`{part.definition.label}`) {doubt}", part.origin, path=part.path, notes=part.written,
+            help=unit_meant(part.component.definition, part.box), allow=True,
         ):
             warned.add(part.definition.text)
     return bool(warned)
@@ -198,9 +184,8 @@ def _check_materials(tree: Tree, occurrences: Sequence[Occurrence]) -> None:
     All other densities are checked together with the parts.
     """
     weighing = {
-        one.material.density_origin for one in occurrences
-        if one.material is not None and one.overrides.mass is None
-        and one.record is not None and one.record.mass is None and one.record.density is None
+        part.material.density_origin for part in occurrences if part.material is not None and part.overrides.mass is None
+        and part.record is not None and part.record.mass is None and part.record.density is None
     }
     for instance, definition in tree.assemblies:
         for material in definition.materials.values():
@@ -268,10 +253,9 @@ def _written_value(joint: Joint, key: str) -> tuple[str, str, str]:
 
 def _joint_note(joint: Joint, key: str) -> tuple[Note, ...]:
     """Return a note with the location of the joint, or no notes if the reported value is on the same line as the joint."""
-    span = joint.spans.get(key)
-    return make_notes(
-        f"joint `{joint.name}` is defined here", joint.origin,
-    ) if span is not None and span.line != joint.origin[0].line else ()
+    if key not in joint.spans or joint.spans[key].line == joint.origin[0].line:
+        return ()
+    return make_notes(f"joint `{joint.name}` is defined here", joint.origin)
 
 
 def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findings: LinkReport) -> None:
@@ -334,18 +318,16 @@ def _check_actuators(tree: Tree, occurrences: Sequence[Occurrence], mates: Seque
         if any(edge.path in inline for edge in turning):
             continue
         undriven = [edge for edge in turning if edge.actuator is None]
-        nearby = (undriven or turning)[:1]
         help = f"add `drive: {name}` to the joint that `{name}` moves"
         if undriven:
             help = f"if `{name}` moves joint `{undriven[0].path}`, add `drive: {name}` to the joint"
+        notes: tuple[Note, ...] = ()
+        for edge in (undriven or turning)[:1]:
+            drive_text = "no" if undriven else "another"
+            notes = make_notes(f"joint `{edge.path}` is attached to this part and has {drive_text} drive", edge.origin)
         tree.findings.warn(
             Code.IDLE_ACTUATOR, f"`{name}` (`{part.definition.label}`) has an actuator, but does not drive a joint", part.origin,
-            path=part.path, help=help, allow=True, notes=[
-                note for edge in nearby
-                for note in make_notes(
-                    f"joint `{edge.path}` is attached to this part and has {'no' if undriven else 'another'} drive", edge.origin,
-                )
-            ],
+            path=part.path, help=help, allow=True, notes=notes,
         )
 
 
@@ -404,10 +386,9 @@ def _offsets(definition: AssemblyDefinition, bound: float) -> Iterator[_Offset]:
     """Yield the offsets between components and the joint travels of a document that are longer than `bound` [m]."""
     for component in definition.components:
         name, placement = component.name, component.placement
-        if isinstance(placement, At):
-            yield _Offset(text=f"`{name}` is moved by", length=_length(placement.pose), path=name, origin=placement.origin)
-        elif isinstance(placement, Attach):
-            yield _Offset(text=f"`{name}` is moved by", length=abs(placement.gap), path=name, origin=placement.origin)
+        if placement is not None:
+            length = _length(placement.pose) if isinstance(placement, At) else abs(placement.gap)
+            yield _Offset(text=f"`{name}` is moved by", length=length, path=name, origin=placement.origin)
         for mount, extra in component.mounts.items():
             yield _Offset(text=f"the mount `{name}.{mount}` is moved by", length=_length(extra.pose), path=name, origin=extra.origin)
     for joint in definition.joints:
@@ -428,14 +409,13 @@ def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
         if value is not None
     }
     for key, length in ends.items():
-        subject, place, notes = f"`{key}` of joint `{joint.name}`", joint.origin_of(key, joint.origin), _joint_note(joint, key)
+        verb, advice = "is", "unit (`mm`, `m`)"
         if turns and key != "lead":
-            yield _Offset(
-                text=f"{subject} corresponds to a travel of", length=length, path=joint.name, origin=place, notes=notes,
-                advice=f"unit (`deg`, `rev`): the lead is {length_words(lead)}",
-            )
-        else:
-            yield _Offset(text=f"{subject} is", length=length, path=joint.name, origin=place, notes=notes)
+            verb, advice = "corresponds to a travel of", f"unit (`deg`, `rev`): the lead is {length_words(lead)}"
+        yield _Offset(
+            text=f"`{key}` of joint `{joint.name}` {verb}", length=length, path=joint.name, origin=joint.origin_of(key, joint.origin),
+            notes=_joint_note(joint, key), advice=advice,
+        )
 
 
 def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: LinkReport) -> None:
@@ -496,5 +476,4 @@ def _check_place(occurrence: Occurrence, centre: Vector, boxes: Sequence[tuple[t
 
 
 def _length(pose: Pose) -> float:
-    offset: Vector = pose.translation
-    return hypot(*offset)
+    return hypot(*pose.translation)

@@ -8,7 +8,6 @@ from thingc.base.diagnostics import Code, Note, make_notes
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.source import Span
 from thingc.model.assembly.instance_tree import Tree
-from thingc.model.assembly.mass import merge_processes
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Occurrence
 from thingc.model.resolve.plausibility import length_words
@@ -55,7 +54,7 @@ def check_processes(tree: Tree, occurrences: Sequence[Occurrence]) -> None:
             for doubt in doubts(under):
                 _warn(doubt, under, (), one.path, make_notes(f"`{one.component.name}` is made of this material", one.origin), tree.findings)
         if own is not None:
-            for doubt in _doubts(merge_processes(own, under) or own, own.origins):
+            for doubt in _doubts(own.merge_over(under or Process()), own.origins):
                 notes = make_notes(f"`{one.component.name}` is printed with this process", one.component.origin)
                 beside = own.origins[doubt.key][0].line == one.component.origin[0].line
                 _warn(doubt, own, one.component.full_origin((), one.origin), one.path, () if beside else notes, tree.findings)
@@ -68,10 +67,7 @@ def check_processes(tree: Tree, occurrences: Sequence[Occurrence]) -> None:
 
 
 def _warn(doubt: _Doubt, process: Process, outer: Sequence[Span], path: str, notes: Sequence[Note], findings: LinkReport) -> None:
-    findings.warn(
-        Code.PROCESS, doubt.words, (*process.origins[doubt.key], *outer), path=path, help=doubt.help, allow=True,
-        notes=notes,
-    )
+    findings.warn(Code.PROCESS, doubt.words, (*process.origins[doubt.key], *outer), path=path, help=doubt.help, allow=True, notes=notes)
 
 
 def _doubts(process: Process, keys: Collection[str]) -> Iterator[_Doubt]:

@@ -15,7 +15,7 @@ from thingc.base.source import Origin
 from thingc.base.units import LENGTH, Quantity
 from thingc.geometry.meshes.files import MeshFile, MeshRecord
 from thingc.geometry.record import Mesh, PartFailure, PartRecord
-from thingc.model.assembly.mass import NOTHING, MassResult, is_fully_stated, weigh_link
+from thingc.model.assembly.mass import NOTHING, MassResult, with_overrides
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Listed, Surface
 from thingc.model.resolve.link_definition import LinkDefinition, LinkShape
@@ -136,11 +136,13 @@ def solid_shapes(definition: LinkDefinition) -> Sequence[LinkShape]:
 def weigh_shapes(definition: LinkDefinition, material: Material | None, meshes: Meshes, overrides: Overrides) -> MassResult:
     """Return the mass properties of a link, as specified in the document or computed from its shapes.
 
-    Raises `MissingDensity` if the mass cannot be computed.
+    If the document specifies the mass, missing values are those of the shapes at a common density. Raises `MissingDensity` if the mass
+    cannot be computed.
     """
     if overrides.mass is None:
-        return weigh_link(weight_of(definition, material, meshes), overrides)
-    return weigh_link(NOTHING if is_fully_stated(overrides) else matter_of(definition, meshes), overrides)
+        return MassResult(properties=with_overrides(_weight_of(definition, material, meshes), overrides), source="derived")
+    matter = NOTHING if overrides.fully_stated else total(_matter(shape, meshes) for shape in solid_shapes(definition))
+    return MassResult(properties=with_overrides(matter.with_mass(overrides.mass.value[0]), overrides), source=overrides.mass.source)
 
 
 def _matter(shape: LinkShape, meshes: Meshes) -> MassProperties:
@@ -158,15 +160,7 @@ def _matter(shape: LinkShape, meshes: Meshes) -> MassProperties:
     return record.matter.seen_from(shape.pose)
 
 
-def matter_of(definition: LinkDefinition, meshes: Meshes) -> MassProperties:
-    """Return the mass properties of a link at density 1: volume [m^3], centre [m] and inertia [m^5].
-
-    Raises `MissingDensity` if the volume of a mesh file is unknown.
-    """
-    return total(_matter(shape, meshes) for shape in solid_shapes(definition))
-
-
-def weight_of(definition: LinkDefinition, material: Material | None, meshes: Meshes) -> MassProperties:
+def _weight_of(definition: LinkDefinition, material: Material | None, meshes: Meshes) -> MassProperties:
     """Compute the mass [kg], centre of mass [m] and inertia [kg m^2] of a link from the densities of its shapes.
 
     If no shape has a density, the result is zero.
@@ -189,22 +183,20 @@ def listed_meshes(model: AssemblyDefinition, *, drawn: bool) -> dict[MeshFile, t
     """
     read_all = drawn or any(mode.on_floor for mode in model.modes)
     files: dict[MeshFile, tuple[Origin, bool]] = {}
-    for assembly in assemblies_of(model):
-        for component in assembly.components:
-            definition = component.definition
-            weighed = isinstance(definition, LinkDefinition) and not is_fully_stated(component.overrides)
-            for shape in _shapes_of(component):
-                if isinstance(shape.solid, MeshFile):
-                    origin, needed = files.get(shape.solid, (shape.origin, False))
-                    files[shape.solid] = (origin, needed or read_all or weighed)
+    for component, shape, file in _mesh_shapes(model):
+        weighed = isinstance(component.definition, LinkDefinition) and not component.overrides.fully_stated
+        origin, needed = files.get(file, (shape.origin, False))
+        files[file] = (origin, needed or read_all or weighed)
     return files
 
 
-def _shapes_of(component: Component) -> Iterator[LinkShape]:
-    """Yield the shapes that a document lists for a component: the shapes of a link, or the collision shapes of a part."""
-    for listed in (component.definition, *(choice.shapes for choice in component.overrides.choices.values())):
-        if isinstance(listed, LinkDefinition):
-            yield from listed.shapes
+def _mesh_shapes(model: AssemblyDefinition) -> Iterator[tuple[Component, LinkShape, MeshFile]]:
+    """Yield each mesh file that documents list, with its component and shape: a shape of a link, or a collision shape of a part."""
+    for component in (component for assembly in assemblies_of(model) for component in assembly.components):
+        for listed in (component.definition, *(choice.shapes for choice in component.overrides.choices.values())):
+            for shape in listed.shapes if isinstance(listed, LinkDefinition) else ():
+                if isinstance(shape.solid, MeshFile):
+                    yield component, shape, shape.solid
 
 
 def with_pieces(model: AssemblyDefinition, meshes: Meshes, decompose: Decompose, report: Report) -> Meshes:
@@ -213,10 +205,9 @@ def with_pieces(model: AssemblyDefinition, meshes: Meshes, decompose: Decompose,
     If a mesh cannot be decomposed, report an error at its shape.
     """
     requests: dict[tuple[str, int], tuple[MeshFile, Origin]] = {}
-    for assembly in assemblies_of(model):
-        for shape in (shape for component in assembly.components for shape in _shapes_of(component)):
-            if isinstance(shape.solid, MeshFile) and shape.pieces is not None and shape.solid in meshes:
-                requests.setdefault((meshes[shape.solid].mesh.sha256, shape.pieces), (shape.solid, shape.origin))
+    for _, shape, file in _mesh_shapes(model):
+        if shape.pieces is not None and file in meshes:
+            requests.setdefault((meshes[file].mesh.sha256, shape.pieces), (file, shape.origin))
     pieces_by_mesh: dict[str, dict[int, tuple[Mesh, ...]]] = {}
     for (mesh, count), pieces in (decompose(requests) if requests else {}).items():
         if isinstance(pieces, PartFailure):
@@ -228,6 +219,7 @@ def with_pieces(model: AssemblyDefinition, meshes: Meshes, decompose: Decompose,
         else:
             pieces_by_mesh.setdefault(mesh, {})[count] = pieces
     return {file: replace(record, convex=pieces_by_mesh.get(record.mesh.sha256, {})) for file, record in meshes.items()}
+
 
 def warn_far(shapes: LinkDefinition, record: PartRecord | None, meshes: Meshes, path: str, findings: LinkReport) -> None:
     """Warn of each collision shape that extends beyond the bounding box of its part by more than the diagonal of the box."""

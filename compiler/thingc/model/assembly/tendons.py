@@ -1,44 +1,60 @@
-"""Resolve the references of tendons to mounts and joints in the linked assembly."""
+"""Resolve the references of sensors and tendons to mounts, joints and links in the linked assembly."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code
 from thingc.base.pose import Pose
+from thingc.base.sensor_kinds import Measurement
 from thingc.model.assembly.drives import actuator_of, fill_drive
 from thingc.model.assembly.instance_tree import Instance, Tree
-from thingc.model.assembly.modes import mount_of
+from thingc.model.assembly.modes import links_named, mount_of
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.tendon_paths import course
-from thingc.model.assembly.types import LinkedMount, LinkedTendon, Occurrence, TendonStep
+from thingc.model.assembly.types import LinkedMount, LinkedSensor, LinkedTendon, Occurrence, TendonStep
 from thingc.model.resolve.types import PathStep, TendonLength, Wrap
 
 
-def tendons_of(tree: Tree, link_of: Sequence[int]) -> tuple[LinkedTendon, ...]:
-    """Return the tendons of all documents. References to mounts and joints are resolved. Invalid tendons are reported and omitted."""
-    tendons: list[LinkedTendon] = []
+def sensors_of(tree: Tree, link_of: Sequence[int]) -> Iterator[LinkedSensor]:
+    """Yield the sensors of all documents. Sensors of a document precede sensors of its nested documents."""
     for instance, definition in tree.assemblies:
-        for one in definition.tendons:
-            steps = [_step(tree, instance, step) for step in one.path]
-            whole = tuple(step for step in steps if step is not None)
-            if len(whole) < len(steps) or not all(_is_side_on_link(step, link_of, tree.findings) for step in whole):
+        for sensor in definition.sensors:
+            at, seen_from = sensor.at, sensor.seen_from
+            mounts = {reference: mount_of(tree, instance, reference) for reference in (at, seen_from) if reference is not None}
+            touching = [link for component in sensor.touching for link in links_named(tree, component, link_of, instance)]
+            if None in mounts.values() or len(touching) < len(sensor.touching):
                 continue
-            limit, dynamics, gear = one.limit, one.dynamics, None if one.drive is None else one.drive.gear
-            owner = f"tendon `{one.name}`" if gear is None else f"transmission `{gear.name}`"
-            drive = None if one.drive is None else fill_drive(tree, instance, owner, one.name, one.drive, turns=one.turns)
+            yield LinkedSensor(
+                **instance.fields_of(sensor, Measurement), path=instance.within(sensor.name), touching=tuple(touching),
+                at=None if at is None else mounts[at], seen_from=None if seen_from is None else mounts[seen_from],
+                joint=instance.within(sensor.joint) if sensor.joint is not None else None,
+                tendon=instance.within(sensor.tendon) if sensor.tendon is not None else None,
+            )
+
+
+def tendons_of(tree: Tree, link_of: Sequence[int]) -> Iterator[LinkedTendon]:
+    """Yield the tendons of all documents. References to mounts and joints are resolved. Invalid tendons are reported and omitted."""
+    for instance, definition in tree.assemblies:
+        for tendon in definition.tendons:
+            steps = [_step(tree, instance, step) for step in tendon.path]
+            sound = tuple(step for step in steps if step is not None)
+            if len(sound) < len(steps) or not all(_is_side_on_link(step, link_of, tree.findings) for step in sound):
+                continue
+            limit, dynamics, gear = tendon.limit, tendon.dynamics, None if tendon.drive is None else tendon.drive.gear
+            owner = f"tendon `{tendon.name}`" if gear is None else f"transmission `{gear.name}`"
+            drive = None if tendon.drive is None else fill_drive(tree, instance, owner, tendon.name, tendon.drive, turns=tendon.turns)
             if drive is not None and gear is not None:
                 limit = replace(limit, effort=drive.effort, velocity=drive.velocity)
                 dynamics = replace(dynamics, armature=drive.armature)
-            fields = instance.fields_of(one, TendonLength) | {"limit": limit, "dynamics": dynamics}
-            tendons.append(LinkedTendon(
-                **fields, path=instance.within(one.name), moves={instance.within(name.path): factor for name, factor in one.moves},
-                steps=whole,
-                actuator=None if drive is None else actuator_of(instance, owner, drive, limit, tree.findings, turns=one.turns),
-            ))
-    return tuple(tendons)
+            fields = instance.fields_of(tendon, TendonLength) | {"limit": limit, "dynamics": dynamics}
+            yield LinkedTendon(
+                **fields, path=instance.within(tendon.name), moves={instance.within(name.path): factor for name, factor in tendon.moves},
+                actuator=None if drive is None else actuator_of(instance, owner, drive, limit, tree.findings, turns=tendon.turns),
+                steps=sound,
+            )
 
 
 def _step(tree: Tree, instance: Instance, step: PathStep) -> TendonStep | None:
@@ -46,13 +62,10 @@ def _step(tree: Tree, instance: Instance, step: PathStep) -> TendonStep | None:
 
     If a reference of the step is invalid, report an error and return None.
     """
-    named = {one: mount_of(tree, instance, one) for one in (step.mount, step.side) if one is not None}
-    if None in named.values():
+    mount, side = (None if reference is None else mount_of(tree, instance, reference) for reference in (step.mount, step.side))
+    if mount is None and step.mount is not None or side is None and step.side is not None:
         return None
-    return TendonStep(
-        **instance.fields_of(step, Wrap), mount=None if step.mount is None else named[step.mount],
-        side=None if step.side is None else named[step.side],
-    )
+    return TendonStep(**instance.fields_of(step, Wrap), mount=mount, side=side)
 
 
 def _is_side_on_link(step: TendonStep, link_of: Sequence[int], findings: LinkReport) -> bool:

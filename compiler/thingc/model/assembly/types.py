@@ -446,6 +446,10 @@ class LinkedMode(resolved.ModeSettings):
     holds: tuple[LinkedHold, ...] = ()
     feet: tuple[Foot, ...] = ()
 
+    def has_drive(self, path: str) -> bool:
+        """Return whether a drive of the robot exists in the mode. `path` is the path of its joint or tendon."""
+        return self.actuators is None or path in self.actuators
+
 
 class FileNames(OneLineRepr, FrozenStruct):
     """The names of elements in output files, for elements whose name differs from their path.

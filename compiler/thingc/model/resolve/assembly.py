@@ -62,7 +62,7 @@ def resolve_assembly(
     values, broken = (dict(declared.values), set(declared.broken)) if not overrides else evaluate_parameters(
         document, spec, overrides, context.report, context.doubts(document),
     )
-    choices = chosen.that_say_more(context, relative, spec, choices) if choices else ()
+    choices = chosen.without_written(context, relative, spec, choices) if choices else ()
     parameters = tuple(sorted((*canonical(values), *choices)))
     key = (relative, parameters)
     cached = context.table(key)

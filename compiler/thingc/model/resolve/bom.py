@@ -5,7 +5,6 @@ from __future__ import annotations
 import posixpath
 
 from thingc.base.diagnostics import Code
-from thingc.base.source import Document
 from thingc.documents.spec.assembly import AssemblySpec
 from thingc.documents.spec.catalog import CatalogRow, CatalogSpec
 from thingc.model.resolve.document_scope import ResolveRun
@@ -22,7 +21,7 @@ def bom_entry(scope: Scope, layers: DefaultLayers) -> BomEntry:
     prices = cost if isinstance(cost, dict) else {}
     return BomEntry(
         number=number, supplier=supplier, make=make, link=link, cost=None if prices else cost, one=one is not None,
-        prices=_sorted_prices(prices), picture=_from_workspace(scope.document, picture),
+        prices=_sorted_prices(prices), picture=None if picture is None else path_in_workspace(scope.document.relative, picture),
     )
 
 
@@ -46,21 +45,17 @@ def catalog(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str, 
                 help=f"set `{key}` only in the first of the rows" if differ else "remove one of the rows, or set another quantity",
             )
         alike.append(row)
-    return {number: _catalog_entry(document, alike) for number, alike in rows.items()}
-
-
-def _catalog_entry(document: Document, rows: list[CatalogRow]) -> BomEntry:
-    first = rows[0]
-    return BomEntry(
-        supplier=first.supplier, link=first.link, picture=_from_workspace(document, first.picture),
-        prices=_sorted_prices({row.quantity: row.cost for row in rows if row.cost is not None}),
-    )
+    return {number: BomEntry(
+        supplier=first.supplier, link=first.link,
+        picture=None if first.picture is None else path_in_workspace(document.relative, first.picture),
+        prices=_sorted_prices({row.quantity: row.cost for row in (first, *others) if row.cost is not None}),
+    ) for number, (first, *others) in rows.items()}
 
 
 def _sorted_prices(prices: dict[str, str]) -> tuple[tuple[int, str], ...]:
     return tuple(sorted((int(least), price) for least, price in prices.items()))
 
 
-def _from_workspace(document: Document, picture: str | None) -> str | None:
-    """Convert the path of a picture, which is relative to a document, to a path in the workspace."""
-    return None if picture is None else posixpath.normpath(posixpath.join(posixpath.dirname(document.relative), picture))
+def path_in_workspace(document: str, text: str) -> str:
+    """Convert the path of a file, which is relative to a document, to a path in the workspace. `document` is the path of the document."""
+    return posixpath.normpath(posixpath.join(posixpath.dirname(document), text))

@@ -17,6 +17,7 @@ from thingc.documents.load.paths import SUFFIXES_WITH_UNIT, resolve_path
 from thingc.documents.spec.assembly import FILE_SPECIFIES_UNIT, AssemblySpec, ComponentDefaults, ComponentSpec, DefaultsSpec
 from thingc.documents.spec.settable_values import DEFAULT_MATERIAL, EXAMPLES, KEYS, VALUES, ChoicePath, is_value, parse, split_nested
 from thingc.geometry.record import PartFailure
+from thingc.model.resolve.bom import path_in_workspace
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun
 from thingc.model.resolve.parts import missing_hint
 from thingc.model.resolve.repeats import Unrolled
@@ -36,7 +37,7 @@ def from_command_line(context: ResolveRun, choices: Mapping[str, str]) -> Choice
     return tuple(sorted(sound.items()))
 
 
-def that_say_more(context: ResolveRun, relative: str, spec: AssemblySpec, choices: Choices) -> Choices:
+def without_written(context: ResolveRun, relative: str, spec: AssemblySpec, choices: Choices) -> Choices:
     """Return the choices that differ from the document. Choices of the value that the document already contains are dropped."""
     return tuple((path, text) for path, text in choices if not _is_written(context, relative, spec, path, text))
 
@@ -54,14 +55,7 @@ def _is_written(context: ResolveRun, relative: str, spec: AssemblySpec, path: st
     own = getattr(spec.components[choice.components[0]], choice.key, None)
     if choice.key not in ("assembly", "file") or own is None:
         return bool(own == text)
-    return _place(context, relative, own) == _place(context, context.documents.root.relative, text)
-
-
-def _place(context: ResolveRun, relative: str, text: str) -> str:
-    """Convert a file name `text` in a document to the path of the file in the workspace."""
-    import posixpath
-
-    return posixpath.normpath(posixpath.join(posixpath.dirname(relative), text))
+    return path_in_workspace(relative, own) == path_in_workspace(context.documents.root.relative, text)
 
 
 def below(choices: Choices, *names: str) -> Choices:
@@ -88,10 +82,7 @@ def own(choices: Choices, *names: str) -> dict[str, str]:
 
     `names` contains the names of the component, with the most specific name last.
     """
-    by_key: dict[str, str] = {}
-    for name in names:
-        by_key.update({key: text for key in KEYS for path, text in choices if path == f"components.{name}.{key}"})
-    return by_key
+    return {key: text for name in names for key in KEYS for path, text in choices if path == f"components.{name}.{key}"}
 
 
 def with_default_material(context: ResolveRun, table: DocumentScope) -> AssemblySpec:
@@ -129,7 +120,7 @@ def apply_choices(context: ResolveRun, table: DocumentScope, item: Unrolled[Comp
     # For a repeated component, report an invalid choice once for all items.
     label = item.name if any(path.startswith(f"components.{item.name}.") for path, _ in table.choices) else names[0]
     kind = next((key for key in ("part", "file", "assembly", "link") if getattr(spec, key) is not None), "frame")
-    taken: dict[str, str] = {}
+    chosen: dict[str, str] = {}
     for key, text in own(table.choices, *names).items():
         path = f"components.{label}.{key}"
         if key == "material":
@@ -142,22 +133,23 @@ def apply_choices(context: ResolveRun, table: DocumentScope, item: Unrolled[Comp
             if not _known_material(context, table, text, path):
                 continue
         elif key != kind:
-            said, help = f"is defined by `{kind}`, not by `{key}`", f"set `components.{label}.{kind}`"
-            if kind in ("link", "frame"):
-                said = "is a frame, without geometry" if kind == "frame" else "is a link with inline shapes"
-                help = "use a component with geometry" if kind == "frame" else "set the material of the link, or use another component"
-            context.report_option_error(path, f"component `{label}` {said}", help)
+            fault, help = f"is defined by `{kind}`, not by `{key}`", f"set `components.{label}.{kind}`"
+            if kind == "frame":
+                fault, help = "is a frame, without geometry", "use a component with geometry"
+            elif kind == "link":
+                fault, help = "is a link with inline shapes", "set the material of the link, or use another component"
+            context.report_option_error(path, f"component `{label}` {fault}", help)
             continue
         if key == "file" and spec.unit is not None and text.lower().endswith(SUFFIXES_WITH_UNIT):
-            said = f"`{shorten(text)}` specifies its own unit, but component `{label}` has `unit: {spec.unit}`"
-            context.report_option_error(path, said, FILE_SPECIFIES_UNIT)
+            message = f"`{shorten(text)}` specifies its own unit, but component `{label}` has `unit: {spec.unit}`"
+            context.report_option_error(path, message, FILE_SPECIFIES_UNIT)
             continue
-        taken[key] = text
+        chosen[key] = text
     inside = below(table.choices, *names)
     if inside and kind != "assembly":
         path = f"components.{label}.{inside[0][0]}"
         context.report_option_error(path, f"component `{label}` is not an assembly and has no components", None)
-    return (spec.model_copy(update=dict(taken)) if taken else spec), frozenset(taken)
+    return (spec.model_copy(update=chosen) if chosen else spec), frozenset(chosen)
 
 
 def check_part(context: ResolveRun, node: ComponentScope, reference: str) -> bool:
@@ -169,19 +161,6 @@ def check_part(context: ResolveRun, node: ComponentScope, reference: str) -> boo
         help = missing_hint(context, reference, schema) if schema.kind == "missing" else None
         context.report_option_error(f"components.{node.name}.part", f"part `{shorten(reference)}`: {schema.message}", help)
     return False
-
-
-def refuse_file(context: ResolveRun, node: ComponentScope, text: str) -> None:
-    """Report an error for a chosen file that is not a part."""
-    context.report_option_error(
-        f"components.{node.name}.file", f"`{shorten(text)}` is not a part file in this workspace",
-        f"write a path relative to `{context.documents.root.relative}`, for example `parts/motor.step`",
-    )
-
-
-def refuse_circle(context: ResolveRun, node: ComponentScope, relative: str) -> None:
-    """Report an error for a choice by which an assembly would contain itself."""
-    context.report_option_error(f"components.{node.name}.assembly", f"`{relative}` would contain itself", "choose another assembly")
 
 
 def _known_material(context: ResolveRun, table: DocumentScope, name: str, path: str) -> bool:

@@ -10,11 +10,12 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code, Note
 from thingc.base.source import Path
 from thingc.base.suggestions import Hint
+from thingc.base.units import shorten
 from thingc.documents.expressions.evaluation import ExpressionValue
-from thingc.documents.spec.assembly import AssemblySpec, ComponentSpec
+from thingc.documents.spec.assembly import AssemblySpec, ComponentDefaults, ComponentSpec
 from thingc.geometry.record import PartDefinition
 from thingc.model.resolve import choices as choose
-from thingc.model.resolve import overrides as said
+from thingc.model.resolve import overrides as properties
 from thingc.model.resolve.bom import bom_entry
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun, names_in
 from thingc.model.resolve.link_definition import LinkDefinition
@@ -24,7 +25,7 @@ from thingc.model.resolve.parts import of_code, of_file
 from thingc.model.resolve.repeats import MAX_OCCURRENCES, Unrolled
 from thingc.model.resolve.scope import DefaultLayers
 from thingc.model.resolve.shapes import of_collision, of_link
-from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Material
+from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component
 
 MAX_NESTING = 120
 """Maximum depth of nested documents. The limit is slightly larger than the limit of the pass `load`, so that `load` reports the error."""
@@ -49,7 +50,7 @@ def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[Co
         table.nodes[item.name] = node
         node.incomplete = node.unsound = _in_doubt(table, node)
         _define(context, table, node, nest)
-        node.mounts = said.extra_mounts(node) if item.spec.mounts else {}
+        node.mounts = properties.extra_mounts(node) if item.spec.mounts else {}
         if not node.frame and node.definition is None:
             node.unsound = True
         added = node.table.occurrences if node.table is not None else 1
@@ -80,11 +81,14 @@ def _define(context: ResolveRun, table: DocumentScope, node: ComponentScope, nes
     elif spec.file is not None:
         node.definition = of_file(context, node, spec.file)
         if node.definition is None and "file" in node.chosen:
-            choose.refuse_file(context, node, spec.file)
+            context.report_option_error(
+                f"components.{node.name}.file", f"`{shorten(spec.file)}` is not a part file in this workspace",
+                f"write a path relative to `{context.documents.root.relative}`, for example `parts/motor.step`",
+            )
     elif spec.link is not None:
         node.definition = of_link(context, table, node)
     elif spec.assembly is not None:
-        said.refuse_on_assembly(node)
+        properties.refuse_on_assembly(node)
         node.table = _resolve_nested(context, table, node, spec.assembly, nest)
         node.definition = node.table.definition if node.table is not None else None
     node.shapes = of_collision(context, table, node)
@@ -126,7 +130,8 @@ def _resolve_nested(context: ResolveRun, table: DocumentScope, node: ComponentSc
     document = context.documents.find_referenced(context.documents.root if chosen else scope.document, text)
     if document is None or document.relative in context.nesting:
         if document is not None and chosen:
-            choose.refuse_circle(context, node, document.relative)
+            message = f"`{document.relative}` would contain itself"
+            context.report_option_error(f"components.{node.name}.assembly", message, "choose another assembly")
         return None
     relative = document.relative
     spec = context.specs.get(relative)
@@ -148,11 +153,8 @@ def _resolve_nested(context: ResolveRun, table: DocumentScope, node: ComponentSc
 def _given_values(context: ResolveRun, node: ComponentScope, relative: str, spec: AssemblySpec) -> dict[str, ExpressionValue]:
     """Return the values that a component sets for the parameters of its nested document. Invalid values are reported and omitted."""
     scope, path = node.scope, (*node.path, "parameters")
-    values: dict[str, ExpressionValue] = {}
-    for name, raw in node.spec.parameters.items():
-        value = scope.value(raw, (*path, name))
-        if value is not None:
-            values[name] = value
+    evaluated = {name: scope.value(raw, (*path, name)) for name, raw in node.spec.parameters.items()}
+    values = {name: value for name, value in evaluated.items() if value is not None}
 
     def complain(name: str, code: Code, message: str, *, help: Hint | None = None, notes: Iterable[Note] = ()) -> None:
         scope.error(code, message, (*path, name), help=help, notes=notes, key=code is Code.UNKNOWN_PARAMETER)
@@ -169,11 +171,11 @@ def components(
     Invalid components do not have a definition, and later passes skip them.
     """
     defaults = table.spec.defaults.component if table.spec.defaults is not None else None
-    below: tuple[tuple[object, Path], ...] = ((defaults, ("defaults", "component")),) if defaults is not None else ()
-    unused = DefaultLayers(below)  # type: ignore[arg-type]
-    said.material(table.scope, unused, table.materials, unreadable=unreadable)
-    said.overrides(table.scope, unused)
-    made: list[Component] = []
+    default_layers: tuple[tuple[ComponentDefaults, Path], ...] = ((defaults, ("defaults", "component")),) if defaults is not None else ()
+    # report errors in the defaults even if no component uses them
+    properties.material(table.scope, DefaultLayers(default_layers), table.materials, unreadable=unreadable)
+    properties.overrides(table.scope, DefaultLayers(default_layers))
+    resolved: list[Component] = []
     for node in table.nodes.values():
         place = ("component", table.document.relative, *context.route, node.name)
         names = context.memo(("names", *place), names_in, node.spec, defaults)
@@ -181,24 +183,26 @@ def components(
             node.spec, defaults, tuple(node.scope.names.get(name) for name in names), node.definition, node.shapes, node.unsound,
             node.unplaced, placements.get(node.name), table.materials, node.mounts, unreadable,
         )
-        made.append(context.sound(place, inputs, partial(_component, node, table, placements.get(node.name), below, unreadable)))
-    return tuple(made)
+        make = partial(_component, node, table, placements.get(node.name), default_layers, unreadable)
+        resolved.append(context.sound(place, inputs, make))
+    return tuple(resolved)
 
 
 def _component(
-    node: ComponentScope, table: DocumentScope, placement: Attach | At | None, below: tuple[tuple[object, Path], ...], unreadable: bool,
+    node: ComponentScope, table: DocumentScope, placement: Attach | At | None, default_layers: tuple[tuple[ComponentDefaults, Path], ...],
+    unreadable: bool,
 ) -> Component:
     scope = node.scope
     is_part = node.spec.part is not None or node.spec.file is not None
-    layers = DefaultLayers(((node.spec, node.path), *(below if is_part else ())))  # type: ignore[arg-type]
+    layers = DefaultLayers(((node.spec, node.path), *(default_layers if is_part else ())))
     nested = node.spec.assembly is not None
-    material: Material | None = None if nested else said.material(scope, layers, table.materials, unreadable=unreadable)
-    over = said.NONE_SAID if nested else said.overrides(scope, layers)
+    material = None if nested else properties.material(scope, layers, table.materials, unreadable=unreadable)
+    overrides = properties.NO_OVERRIDES if nested else properties.overrides(scope, layers)
     if node.shapes:
-        targets = {name: replace(choice, shapes=node.shapes.get(name)) for name, choice in over.targets.items()}
-        over = replace(over, shapes=node.shapes.get(""), targets=targets)
+        targets = {name: replace(choice, shapes=node.shapes.get(name)) for name, choice in overrides.targets.items()}
+        overrides = replace(overrides, shapes=node.shapes.get(""), targets=targets)
     return Component(
         name=node.name, key=str(node.path[-1]), definition=None if node.unsound else node.definition, frame=node.frame and not node.unsound,
-        placement=None if node.unsound or node.unplaced else placement, material=material, overrides=over, mounts=node.mounts,
+        placement=None if node.unsound or node.unplaced else placement, material=material, overrides=overrides, mounts=node.mounts,
         bom=bom_entry(scope, layers), origin=scope.origin(node.path, key=True), detail=frozenset(node.spec.detail),
     )

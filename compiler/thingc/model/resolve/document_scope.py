@@ -22,23 +22,12 @@ from thingc.documents.spec.invalid_entries import NO_DOUBTS, InvalidEntries, Spe
 from thingc.documents.workspace import Workspace
 from thingc.geometry.record import PartDefinition, PartFailure, PartSchema, Value
 from thingc.geometry.store.file_digests import digest_of
+from thingc.model.resolve import types as resolved
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.scope import NOTHING, Scope
-from thingc.model.resolve.types import (
-    AssemblyDefinition,
-    Component,
-    ExtraMount,
-    Joint,
-    Material,
-    Mode,
-    NamedMotion,
-    NamedPose,
-    Reference,
-    Tendon,
-)
 
-Named = TypeVar("Named", Component, Joint)
+Named = TypeVar("Named", resolved.Component, resolved.Joint)
 Answer = TypeVar("Answer")
 
 
@@ -56,10 +45,10 @@ class ComponentScope:
     spec: ComponentSpec
     path: Path
     scope: Scope
-    definition: PartDefinition | LinkDefinition | AssemblyDefinition | None = None
+    definition: PartDefinition | LinkDefinition | resolved.AssemblyDefinition | None = None
     table: DocumentScope | None = None
     shapes: dict[str, LinkDefinition] = field(default_factory=dict)
-    mounts: dict[str, ExtraMount] = field(default_factory=dict)
+    mounts: dict[str, resolved.ExtraMount] = field(default_factory=dict)
     unsound: bool = False
     unplaced: bool = False
     incomplete: bool = False
@@ -97,21 +86,21 @@ class DocumentScope:
     label: str
     choices: tuple[tuple[str, str], ...] = ()
     materials_unreadable: bool = False
-    materials: dict[str, Material | None] = field(default_factory=dict)
+    materials: dict[str, resolved.Material | None] = field(default_factory=dict)
     nodes: dict[str, ComponentScope] = field(default_factory=dict)
     unbuilt: list[str] = field(default_factory=list)
     unbuilt_joints: list[str] = field(default_factory=list)
-    exports: dict[str, Reference | None] = field(default_factory=dict)
-    joints: dict[CoordinateName, Joint | None] = field(default_factory=dict)
-    coupled: list[Tendon] = field(default_factory=list)
-    poses: dict[str, NamedPose | None] = field(default_factory=dict)
-    motions: dict[str, NamedMotion | None] = field(default_factory=dict)
+    exports: dict[str, resolved.Reference | None] = field(default_factory=dict)
+    joints: dict[CoordinateName, resolved.Joint | None] = field(default_factory=dict)
+    coupled: list[resolved.Tendon] = field(default_factory=list)
+    poses: dict[str, resolved.NamedPose | None] = field(default_factory=dict)
+    motions: dict[str, resolved.NamedMotion | None] = field(default_factory=dict)
     base: str | None = None
-    loose: list[Reference] = field(default_factory=list)
+    loose: list[resolved.Reference] = field(default_factory=list)
     occurrences: int = 0
-    definition: AssemblyDefinition | None = None
-    images: dict[str, AssemblyDefinition] = field(default_factory=dict)
-    by_mode: dict[str, Mode] = field(default_factory=dict)
+    definition: resolved.AssemblyDefinition | None = None
+    images: dict[str, resolved.AssemblyDefinition] = field(default_factory=dict)
+    by_mode: dict[str, resolved.Mode] = field(default_factory=dict)
 
     @property
     def doubts(self) -> InvalidEntries:
@@ -123,20 +112,21 @@ class DocumentScope:
         """The cache key of the resolved document: the path of the document and the values of its parameters."""
         return self.document.relative, self.parameters
 
-    def inner(self) -> Iterator[DocumentScope]:
-        """Yield the `DocumentScope` of each nested document. If a document is nested several times, its scope is yielded several times."""
-        return (node.table for _, node in self.all_nodes() if node.table is not None)
+    def all_tables(self) -> Iterator[tuple[str, DocumentScope]]:
+        """Yield the scope of this document with an empty prefix, and that of each nested document with the prefix of its names (`hand.`).
 
-    def all_joints(self) -> Iterator[tuple[CoordinateName, Joint | None]]:
+        If a document is nested several times, its scope is yielded several times.
+        """
+        yield "", self
+        yield from ((f"{path}.", node.table) for path, node in self.all_nodes() if node.table is not None)
+
+    def all_joints(self) -> Iterator[tuple[CoordinateName, resolved.Joint | None]]:
         """Yield the name of every joint, with dots, and the joint.
 
         The joint is None if it is invalid. Joints of nested documents come last.
         """
-        yield from self.joints.items()
-        for node in self.nodes.values():
-            if node.table is not None:
-                for path, joint in node.table.all_joints():
-                    yield CoordinateName(f"{node.name}.{path}"), joint
+        for prefix, table in self.all_tables():
+            yield from ((CoordinateName(prefix + name) if prefix else name, joint) for name, joint in table.joints.items())
 
     def all_nodes(self) -> Iterator[tuple[str, ComponentScope]]:
         """Yield every component with its path, in which names are separated by dots. Parents precede their children."""
@@ -146,7 +136,7 @@ class DocumentScope:
                 for path, inner in node.table.all_nodes():
                     yield f"{node.name}.{path}", inner
 
-    def all_modes(self) -> Iterator[tuple[str, DocumentScope, Mode]]:
+    def all_modes(self) -> Iterator[tuple[str, DocumentScope, resolved.Mode]]:
         """Yield the path of each nested assembly that is placed in a mode, with dots, its scope and the mode.
 
         Modes below such an assembly are part of its mode.
@@ -195,7 +185,7 @@ class ResolveRun:
     route: list[str] = field(default_factory=list)
     parts: dict[tuple[str, tuple[tuple[str, Value], ...]], PartDefinition] = field(default_factory=dict)
     failed_parts: set[str] = field(default_factory=set)
-    materials: dict[str, dict[str, Material | None]] = field(default_factory=dict)
+    materials: dict[str, dict[str, resolved.Material | None]] = field(default_factory=dict)
     reported: set[tuple[str, Code, Path, bool]] = field(default_factory=set)
     overfull: bool = False
     recalled: Mapping[tuple[str, tuple[tuple[str, Value], ...]], DocumentScope] = field(default_factory=dict)
@@ -226,8 +216,8 @@ class ResolveRun:
         """
         cached = self.tables.get(key)
         if cached is None and key in self.recalled:
-            cached = self.tables[key] = self.recalled[key]
-            self.tables.update((table.key, table) for table in cached.inner())
+            cached = self.recalled[key]
+            self.tables.update((table.key, table) for _, table in cached.all_tables())
         return cached
 
     def values(self, scope: Scope, place: str, model: object) -> tuple[ExpressionValue | None, ...]:
@@ -279,14 +269,13 @@ class ResolveRun:
         If all diagnostics are in the top document, resolved nested documents are still cached for other versions of the top document. After
         failed parts or suppressed warnings, nothing is cached, because the next run must report them again.
         """
-        tables = {table.key: table for table in top.inner()}
+        tables = {table.key: table for prefix, table in top.all_tables() if prefix}
         spans = [diagnostic.span for diagnostic in self.report.diagnostics]
         top_file = self.documents.root.path
         if not (self.failed_parts or self.report.allowed) and all(span is not None and span.file == top_file for span in spans):
             self.nested_memo.keep(("nested", self.documents.root.relative), self._nested_inputs(), tables)
-        if spans:
-            return
-        self.memo.keep("resolve", (self.specs, self.schemas), (tables, self.declared, self.materials))
+        if not spans:
+            self.memo.keep("resolve", (self.specs, self.schemas), (tables, self.declared, self.materials))
 
     def from_top(self, path: str) -> str:
         """Convert a path in the current document to a path that begins in the top document."""

@@ -26,8 +26,8 @@ def mimics(table: DocumentScope, items: Iterable[Unrolled[JointSpec]]) -> None:
     for item in items:
         own = [joint for joint in table.joints.values() if joint is not None and joint.name.joint == item.name]
         for number, joint in enumerate(own):
-            said = DefaultLayers(((item.spec, item.path),)).pick("mimic", None if len(own) == 1 else number)
-            mimic = _mimic(table, replace(item, name=joint.name), joint, *said) if said else None
+            setting = DefaultLayers(((item.spec, item.path),)).pick("mimic", None if len(own) == 1 else number)
+            mimic = _mimic(table, replace(item, name=joint.name), joint, *setting) if setting else None
             if mimic is not None:
                 table.joints[joint.name] = replace(joint, mimic=mimic)
     _break_cycles(table, {name: item for item in items for name, joint in table.joints.items() if joint and joint.name.joint == item.name})
@@ -105,15 +105,15 @@ def _resolve_leader(table: DocumentScope, item: Unrolled[JointSpec], spec: Mimic
     If the referenced joint cannot be mimicked, report an error and return None.
     """
     scope, place = item.scope, (*path, "joint")
-    said = CoordinateName(spec.joint)
-    parts = references.words(scope, said.joint, place)
+    written = CoordinateName(spec.joint)
+    parts = references.split_names(scope, written.joint, place)
     if parts is None:
         return None
     name = CoordinateName(".".join(parts))
-    if said.number is not None:
-        name = name.with_number(said.number)
+    if written.number is not None:
+        name = name.with_number(written.number)
     if name not in table.joints:
-        others = [one for one in table.joints if one != item.name]
+        others = [other for other in table.joints if other != item.name]
         hint = references.suggest(name, others, what="joints") if others else "there is no other joint in this document"
         if len(parts) > 1:
             scope.error(Code.MIMIC, f"`mimic.joint` must be a joint of the same document, found `{name}`", place, help=hint)
@@ -138,16 +138,16 @@ def _resolve_leader(table: DocumentScope, item: Unrolled[JointSpec], spec: Mimic
 def _break_cycles(table: DocumentScope, items: dict[str, Unrolled[JointSpec]]) -> None:
     """Report every cycle of joints that mimic each other, and remove the mimics of these joints."""
     follows = {name: joint.mimic.joint for name, joint in table.joints.items() if joint is not None and joint.mimic is not None}
-    for circle in find_cycles(follows, follows.get):
-        first = items[circle[0]]
+    for cycle in find_cycles(follows, follows.get):
+        first = items[cycle[0]]
         first.scope.error(
-            Code.MIMIC, f"joints mimic each other in a cycle: {format_cycle(circle)}", (*first.path, "mimic", "joint"),
+            Code.MIMIC, f"joints mimic each other in a cycle: {format_cycle(cycle)}", (*first.path, "mimic", "joint"),
             help="remove `mimic` from one of these joints", notes=[
                 Note(message=f"`{step}` mimics here", span=items[step].scope.span((*items[step].path, "mimic", "joint")))
-                for step in circle[1:MAX_CYCLE]
+                for step in cycle[1:MAX_CYCLE]
             ],
         )
-        for step in circle:
+        for step in cycle:
             joint = table.joints[step]
             if joint is not None:
                 table.joints[step] = replace(joint, mimic=None)

@@ -24,7 +24,7 @@ from thingc.model.resolve.repeats import check_names
 from thingc.model.resolve.scope import DefaultLayers, LayeredValue, Scope
 from thingc.model.resolve.types import CollisionChoice, ExtraMount, Material, Overrides, StatedValue
 
-NONE_SAID = Overrides()
+NO_OVERRIDES = Overrides()
 
 _FEATURES: dict[str, Callable[..., MatingFeature]] = {"bolts": Bolts, "bore": Bore, "boss": Boss, "shank": Shank}
 """The classes of mating features, by key of an interface."""
@@ -61,31 +61,31 @@ def overrides(scope: Scope, layers: DefaultLayers) -> Overrides:
     mass, com, inertia = _mass(scope, layers), _com(scope, layers), _inertia(scope, layers)
     collision, visual = layers.pick("collision"), layers.pick("visual")
     choice, targets = _collision(scope, *collision) if collision else (CollisionChoice(), {})
-    made, zero = layers.sub("process"), "`up` must not be zero, found `0 0 0`"
+    process_layers, zero = layers.sub("process"), "`up` must not be zero, found `0 0 0`"
     raw, path = layers.sub("print").pick("up")
     up = raw if raw == "auto" else scope.direction(raw, path, "a component of `up`", Code.OUT_OF_RANGE, zero, "up: [0, 0, 1]")
-    if not any((mass, com, inertia, collision, visual, up, made)):
-        return NONE_SAID
+    if not any((mass, com, inertia, collision, visual, up, process_layers)):
+        return NO_OVERRIDES
     return Overrides(
         mass=mass, com=com, inertia=inertia, collision=choice.collision, pieces=choice.pieces, targets=targets,
-        visual=visual.value if visual else True, process=process(scope, made) if made else None, up=up,
+        visual=visual.value if visual else True, process=process(scope, process_layers) if process_layers else None, up=up,
     )
 
 
-def _collision(scope: Scope, said: str | CollisionSpec, path: Path) -> tuple[CollisionChoice, dict[str, CollisionChoice]]:
+def _collision(scope: Scope, spec: str | CollisionSpec, path: Path) -> tuple[CollisionChoice, dict[str, CollisionChoice]]:
     """Return the collision shapes in all formats and in single formats, without lists of shapes."""
-    targets = said.by_target if isinstance(said, CollisionSpec) else {}
-    return _choice(scope, said, path), {name: _choice(scope, one, (*path, "targets", name)) for name, one in targets.items()}
+    targets = spec.by_target if isinstance(spec, CollisionSpec) else {}
+    return _choice(scope, spec, path), {name: _choice(scope, choice, (*path, "targets", name)) for name, choice in targets.items()}
 
 
-def _choice(scope: Scope, said: str | ChoiceSpec, path: Path) -> CollisionChoice:
-    if isinstance(said, str):
-        return CollisionChoice(collision=said)
-    if said.shapes is not None:
+def _choice(scope: Scope, spec: str | ChoiceSpec, path: Path) -> CollisionChoice:
+    if isinstance(spec, str):
+        return CollisionChoice(collision=spec)
+    if spec.shapes is not None:
         return CollisionChoice(collision="shapes")
-    if said.decompose is not None:
-        return CollisionChoice(collision="decompose", pieces=most_pieces(scope, said.decompose, (*path, "decompose")))
-    return CollisionChoice(collision=(said.kind if isinstance(said, CollisionSpec) else None) or "hull")
+    if spec.decompose is not None:
+        return CollisionChoice(collision="decompose", pieces=most_pieces(scope, spec.decompose, (*path, "decompose")))
+    return CollisionChoice(collision=(spec.kind if isinstance(spec, CollisionSpec) else None) or "hull")
 
 
 def most_pieces(scope: Scope, spec: DecomposeSpec | Literal[True] | None, path: Path) -> int:
@@ -95,40 +95,40 @@ def most_pieces(scope: Scope, spec: DecomposeSpec | Literal[True] | None, path: 
     return scope.count(spec.pieces, (*path, "pieces"), "`pieces`", least=1) or 0
 
 
-def _with_source(said: LayeredValue) -> tuple[LayeredValue, str]:
+def _with_source(setting: LayeredValue) -> tuple[LayeredValue, str]:
     """Return the mass, the centre of mass or the inertia in a setting, and its source, which the long form of the setting contains."""
-    if isinstance(said.value, (MassSpec, CentreOfMassSpec, InertiaSpec)):
-        return LayeredValue(said.value.value, (*said.path, "value")), said.value.source
-    return said, "stated"
+    if isinstance(setting.value, (MassSpec, CentreOfMassSpec, InertiaSpec)):
+        return LayeredValue(setting.value.value, (*setting.path, "value")), setting.value.source
+    return setting, "stated"
 
 
 def _mass(scope: Scope, layers: DefaultLayers) -> StatedValue | None:
-    said = layers.pick("mass")
-    if not said:
+    setting = layers.pick("mass")
+    if not setting:
         return None
-    stated, source = _with_source(said)
+    stated, source = _with_source(setting)
     value = scope.number(*stated, MASS, "the mass", above=0.0, most=HEAVIEST)
     # Replace invalid values by a placeholder, so that no later pass reports the values as missing.
-    return StatedValue(value=(1.0 if value is None else value,), source=source, origin=scope.origin(said.path), stand_in=value is None)
+    return StatedValue(value=(1.0 if value is None else value,), source=source, origin=scope.origin(setting.path), stand_in=value is None)
 
 
 def _com(scope: Scope, layers: DefaultLayers) -> StatedValue | None:
-    said = layers.pick("com")
-    stated, source = _with_source(said)
+    setting = layers.pick("com")
+    stated, source = _with_source(setting)
     value = scope.vector(*stated, LENGTH, "the centre of mass")
-    return None if value is None else StatedValue(value=value, source=source, origin=scope.origin(said.path))
+    return None if value is None else StatedValue(value=value, source=source, origin=scope.origin(setting.path))
 
 
 def _inertia(scope: Scope, layers: DefaultLayers) -> StatedValue | None:
-    said = layers.pick("inertia")
-    if not said:
+    setting = layers.pick("inertia")
+    if not setting:
         return None
-    (matrix, at), source = _with_source(said)
+    (matrix, at), source = _with_source(setting)
     values = [
         scope.number(getattr(matrix, key), (*at, key), INERTIA, f"`{key}`", least=-LARGEST_MOMENT, most=LARGEST_MOMENT) for key in _MOMENTS
     ]
     sound = tuple(value for value in values if value is not None)
-    return StatedValue(value=sound, source=source, origin=scope.origin(said.path)) if len(sound) == len(_MOMENTS) else None
+    return StatedValue(value=sound, source=source, origin=scope.origin(setting.path)) if len(sound) == len(_MOMENTS) else None
 
 
 def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | None], *, unreadable: bool) -> Material | None:
@@ -165,11 +165,9 @@ def extra_mounts(node: ComponentScope) -> dict[str, ExtraMount]:
             continue
         at = (*path, name)
         pose = scope.pose(spec, at)
-        said = spec.interface if isinstance(spec.interface, InterfaceSpec) else InterfaceSpec(name=spec.interface)
-        mounts[name] = ExtraMount(
-            pose=pose or NO_POSE, interface=said.name, origin=scope.origin(at, key=True),
-            features=_features(scope, said, (*at, "interface")),
-        )
+        interface = spec.interface if isinstance(spec.interface, InterfaceSpec) else InterfaceSpec(name=spec.interface)
+        features = _features(scope, interface, (*at, "interface"))
+        mounts[name] = ExtraMount(pose=pose or NO_POSE, interface=interface.name, origin=scope.origin(at, key=True), features=features)
     return mounts
 
 
@@ -177,9 +175,9 @@ def _features(scope: Scope, spec: InterfaceSpec, path: Path) -> tuple[MatingFeat
     """Return the mating features of the interface at `path`. Invalid features are reported and omitted."""
     features: list[MatingFeature] = [Connector(spec.connector, spec.side, spec.counterpart)] if spec.connector is not None else []
     for key, create in _FEATURES.items():
-        said = getattr(spec, key)
-        values = {name: _feature_value(scope, name, one, (*path, key, name)) for name, one in said or () if one is not None}
-        if said is not None and None not in values.values():
+        feature = getattr(spec, key)
+        values = {name: _feature_value(scope, name, raw, (*path, key, name)) for name, raw in feature or () if raw is not None}
+        if feature is not None and None not in values.values():
             try:
                 features.append(create(**values))
                 features[-1].check_lengths()

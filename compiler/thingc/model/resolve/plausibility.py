@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.numeric import maximum
 from thingc.base.pose import Vector
 from thingc.base.units import LENGTH, Quantity, parse_quantity
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT
@@ -33,9 +34,7 @@ def density_doubt(density: float) -> Implausible | None:
     """Check a density [kg/m^3]. Return None if the density is plausible for a solid."""
     if LIGHTEST <= density <= HEAVIEST:
         return None
-    light = density < LIGHTEST
-    intended = density * _STEP if light else density / _STEP
-    comparison = f"{'less than foam' if light else 'more than any solid'}"
+    intended, comparison = (density * _STEP, "less than foam") if density < LIGHTEST else (density / _STEP, "more than any solid")
     bounds = f"(solids: {_format_number(LIGHTEST)} to {_format_number(HEAVIEST)} kg/m^3)"
     text = f"has a density of {_format_number(density)} kg/m^3, {comparison} {bounds}"
     return Implausible(words=text, meant=intended if LIGHTEST <= intended <= HEAVIEST else None)
@@ -62,8 +61,21 @@ def said_by_file(definition: PartDefinition) -> bool:
     return definition.reference.lower().endswith(SUFFIXES_WITH_UNIT)
 
 
-def unit_meant(definition: object, size: float) -> str:
-    """Return a hint for a part with an implausible size [m].
+def longest_side(box: tuple[Vector, Vector]) -> float:
+    """Return the longest side [m] of a box, which is given by two corners."""
+    return maximum(high - low for low, high in zip(*box))
+
+
+def size_doubt(box: tuple[Vector, Vector]) -> str | None:
+    """Describe the size of a part with an implausible bounding box. Return None if the size is plausible."""
+    if SMALLEST <= longest_side(box) <= LARGEST:
+        return None
+    bound = f"under {1000.0 * SMALLEST:g} mm" if longest_side(box) < SMALLEST else f"over {LARGEST:g} m"
+    return f"is {bound} long: its bounding box is {measures(box)}"
+
+
+def unit_meant(definition: object, box: tuple[Vector, Vector]) -> str:
+    """Return a hint for a part whose bounding box has an implausible size.
 
     If the part is a file without a unit, the hint suggests a unit for which the size is plausible.
     """
@@ -74,7 +86,7 @@ def unit_meant(definition: object, size: float) -> str:
     if said_by_file(definition):
         return "the file specifies its own unit: export the file again in the right unit"
     unit = str(dict(definition.parameters).get("unit", FILE_UNIT))
-    number = size / parse_quantity(f"1 {unit}").value
+    number = longest_side(box) / parse_quantity(f"1 {unit}").value
     sizes = {other: number * parse_quantity(f"1 {other}").value for other in LIKELY_UNITS}
     for least in (5.0 * SMALLEST, SMALLEST):
         for other, meant in sizes.items():

@@ -72,7 +72,7 @@ def repeat_origin(scope: Scope, path: Path, *, key: bool = False) -> Origin:
     return scope.origin((*path[:2], "repeat", "count"))
 
 
-def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[str, ...] | None:
+def split_names(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[str, ...] | None:
     """Split a reference such as `hand.cap.pen` into its names.
 
     If the string is a pattern or not a valid reference, report an error and return None.
@@ -100,7 +100,7 @@ def mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: boo
 
     If the reference is invalid, report an error once and return None.
     """
-    parts = words(scope, text, path, key=key)
+    parts = split_names(scope, text, path, key=key)
     if parts is None:
         return None
     if len(parts) == 1:
@@ -132,7 +132,7 @@ def shown_mount(table: DocumentScope, scope: Scope, text: str, path: Path, *, ke
 
 def own_mount(node: ComponentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
     """Resolve the first reference of `attach`, which is a mount of the component itself: `back`, or `cap.pen` for a nested assembly."""
-    parts = words(scope, text, path, key=key)
+    parts = split_names(scope, text, path, key=key)
     if parts is None:
         return None
     if len(parts) > 1 and parts[0] == node.name and (node.table is None or node.name not in node.table.nodes):
@@ -151,11 +151,9 @@ def own_mount(node: ComponentScope, scope: Scope, text: str, path: Path, *, key:
 
 def component(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[Reference, ComponentScope] | None:
     """Resolve a reference to a component. If the reference is invalid, report an error once and return None."""
-    parts = words(scope, text, path, key=key)
-    if parts is None:
-        return None
-    node = _descend(table, scope, parts, path, key)
-    if node is None:
+    parts = split_names(scope, text, path, key=key)
+    node = None if parts is None else _descend(table, scope, parts, path, key)
+    if parts is None or node is None:
         return None
     return Reference(path=parts, mount=None, origin=scope.origin(path, key=key)), node
 
@@ -165,7 +163,7 @@ def root(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool
 
     If the reference is invalid, report an error once and return None.
     """
-    parts = words(scope, text, path, key=key)
+    parts = split_names(scope, text, path, key=key)
     if parts is None:
         return None
     origin = scope.origin(path, key=key)
@@ -173,15 +171,16 @@ def root(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool
         exported = table.exports[parts[0]]
         return None if exported is None else Reference(path=exported.path, mount=exported.mount, origin=origin)
     if len(parts) == 1:
-        if parts[0] not in table.nodes and (table.doubts.lacks("mounts") or _unbuilt(table.unbuilt, parts[0])):
+        is_component = parts[0] in table.nodes
+        if not is_component and (table.doubts.lacks("mounts") or _unbuilt(table.unbuilt, parts[0])):
             return None
-        if parts[0] not in table.nodes and nearest(parts[0], islice(table.nodes, MAX_SUGGESTED)) is None:
+        if not is_component and nearest(parts[0], islice(table.nodes, MAX_SUGGESTED)) is None:
             close = nearest(parts[0], table.exports)
             if close is not None:
                 message = f"this document has no component or exported mount `{parts[0]}`"
                 scope.error(Code.UNKNOWN_COMPONENT, message, path, help=f"did you mean `{close}`?", key=key)
                 return None
-        if parts[0] in RESERVED and parts[0] not in table.nodes:
+        if not is_component and parts[0] in RESERVED:
             example = table.base or next(iter(table.nodes), "plate")
             scope.error(
                 Code.UNKNOWN_COMPONENT, f"`{parts[0]}` is not a component: the root is the component that is fixed to the world", path,
@@ -207,10 +206,9 @@ def matching(table: DocumentScope, pattern: str) -> list[tuple[str, ComponentSco
 
     Each name in the path is matched separately. A name without special characters matches only the component with this name.
     """
-    steps = pattern.split(".")
     level: list[tuple[str, ComponentScope]] = []
     scopes: list[tuple[str, DocumentScope]] = [("", table)]
-    for step in steps:
+    for step in pattern.split("."):
         level = []
         for prefix, inner in scopes:
             if step in inner.nodes:
@@ -308,7 +306,11 @@ def _mount_of(node: ComponentScope, scope: Scope, remaining: tuple[str, ...], pa
     if name == ORIGIN or name in node.mounts:
         return True
     if node.bare is not None:
-        _report_mount(scope, node, name, path, key)
+        scope.error(
+            Code.UNKNOWN_MOUNT, f"{node.bare} `{node.name}` has no mount `{name}`", path,
+            help=suggest(name, [ORIGIN, *node.mounts], what="mounts"), key=key,
+            notes=[*declaration_note(node), *_repeat_notes(scope, path, key)],
+        )
         return False
     if node.table is None:
         return True
@@ -316,10 +318,9 @@ def _mount_of(node: ComponentScope, scope: Scope, remaining: tuple[str, ...], pa
         return node.table.exports[name] is not None
     description = f"assembly `{node.name}` (`{node.table.document.relative}`)"
     if name in node.table.nodes:
-        inner_exports = [f"{name}.{ORIGIN}"]
         scope.error(
             Code.UNKNOWN_MOUNT, f"`{name}` is a component of {description}, not a mount", path,
-            help=f"use a mount of the component, for example `{'.'.join(parts[:-1])}.{inner_exports[0]}`", key=key,
+            help=f"use a mount of the component, for example `{'.'.join(parts)}.{ORIGIN}`", key=key,
             notes=declaration_note(node.table.nodes[name]),
         )
         return False
@@ -365,20 +366,12 @@ def _report_single(table: DocumentScope, scope: Scope, name: str, path: Path, ke
         message, help = f"`{name}` is an exported mount; use the mount of the component here", "write `component.mount`"
     else:
         message, help = f"a mount must be `component.mount`, found `{name}`", suggest(name, table.nodes, what="components")
-        having = [f"`{one.name}.{name}`" for one in table.nodes.values() if _shows(one, name)]
+        having = [f"`{node.name}.{name}`" for node in table.nodes.values() if _shows(node, name)]
         if 0 < len(having) <= 3:
             help = f"did you mean {' or '.join(having)}?"
         elif nearest(name, islice(table.nodes, MAX_SUGGESTED)) is not None:
             help = f"{str(help)[:-1]}, with one of its mounts after a `.`?"
     scope.error(Code.REFERENCE, message, path, help=help, key=key, notes=notes)
-
-
-def _report_mount(scope: Scope, node: ComponentScope, name: str, path: Path, key: bool) -> None:
-    scope.error(
-        Code.UNKNOWN_MOUNT, f"{node.bare} `{node.name}` has no mount `{name}`", path,
-        help=suggest(name, [ORIGIN, *node.mounts], what="mounts"), key=key,
-        notes=[*declaration_note(node), *_repeat_notes(scope, path, key)],
-    )
 
 
 def _report_component(
@@ -387,10 +380,8 @@ def _report_component(
     name = parts[depth]
     if _unbuilt(inner.unbuilt, name):
         return
-    if inner is table and depth == 0:
-        owner = "this document"
-    else:
-        owner = f"assembly `{parts[depth - 1]}` (`{inner.document.relative}`)"
+    is_own = inner is table and depth == 0
+    owner = "this document" if is_own else f"assembly `{parts[depth - 1]}` (`{inner.document.relative}`)"
     help: Hint
     message = f"{owner} has no component `{name}`"
     repeated = inner.spec.components.get(name)
@@ -408,7 +399,7 @@ def _report_component(
         if nearest(name, islice(candidates, MAX_SUGGESTED)) is None and len(parts) == depth + 2:
             having = [f"`{'.'.join((*parts[:depth], one.name, parts[-1]))}`" for one in inner.nodes.values() if _shows(one, parts[-1])]
             help = f"did you mean {' or '.join(having)}?" if 0 < len(having) <= 3 else help
-        notes = [*([] if inner is table and depth == 0 else definition_note(inner)), *_repeat_notes(scope, path, key)]
+        notes = [*([] if is_own else definition_note(inner)), *_repeat_notes(scope, path, key)]
     scope.error(Code.UNKNOWN_COMPONENT, message, path, help=help, key=key, notes=notes)
 
 

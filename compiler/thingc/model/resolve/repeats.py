@@ -54,8 +54,7 @@ def unroll(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: It
     if counts is None:
         return [], [""]
     unbuilt.extend(f"{name}_" for name, count in counts.items() if count is None)
-    items: list[Unrolled[Spec]] = []
-    taken: dict[str, Unrolled[Spec]] = {}
+    items: dict[str, Unrolled[Spec]] = {}
     for name, spec in specs.items():
         path = (section, name)
         if spec.repeat is None:
@@ -64,16 +63,13 @@ def unroll(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: It
             as_ = spec.repeat.as_
             copies = [Unrolled(f"{name}_{k}", spec, path, scope.repeat_scope(as_, k)) for k in range(counts[name] or 0)]
         for item in copies:
-            first = taken.get(item.name)
-            if first is None:
-                taken[item.name] = item
-                items.append(item)
-            else:
+            first = items.setdefault(item.name, item)
+            if first is not item:
                 scope.error(
                     Code.NAME_CLASH, f"two {section} are named `{item.name}`", path, key=True, help="rename one of the two elements",
                     notes=[Note(message="the other element is defined here", span=scope.span(first.path, key=True))],
                 )
-    return items, unbuilt
+    return list(items.values()), unbuilt
 
 
 def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> dict[str, int | None] | None:
@@ -116,15 +112,15 @@ def check_names(scope: Scope, names: Iterable[tuple[str, Path, str]], *, reserve
     `names` contains tuples of a name, its path in the document, and the type of the element.
     """
     seen: dict[str, tuple[str, Path, str]] = {}
-    said: set[tuple[Path, Path]] = set()
+    reported: set[tuple[Path, Path]] = set()
     for name, path, what in names:
         if reserved and name in RESERVED:
             scope.error(Code.RESERVED_NAME, f"`{name}` is reserved and cannot name {what}", path, key=True, help="choose another name")
             continue
         first = seen.setdefault(name.lower(), (name, path, what))
-        if first[1] == path or (first[1], path) in said:
+        if first[1] == path or (first[1], path) in reported:
             continue
-        said.add((first[1], path))
+        reported.add((first[1], path))
         note = [Note(message="the other element is defined here", span=scope.span(first[1], key=True))]
         clash = f"names both {first[2]} and {what}" if first[0] == name else f"and `{first[0]}` differ only in case"
         scope.error(Code.NAME_CLASH, f"`{name}` {clash}", path, key=True, notes=note, help="rename one of the two elements")

@@ -30,11 +30,8 @@ def tendons(table: DocumentScope, scope: Scope) -> Iterator[Tendon]:
             tendon = _tendon(scope, name, spec, path, LENGTH, ())
             if len(steps) == len(spec.path) and _sound(scope, name, steps, (*path, "path")):
                 yield replace(tendon, path=steps, width=width)
-            continue
-        terms = _terms(table, scope, name, spec, path)
-        if terms is not None:
-            coordinate, moves = terms
-            yield _tendon(scope, name, spec, path, coordinate, moves)
+        elif (terms := _terms(table, scope, name, spec, path)) is not None:
+            yield _tendon(scope, name, spec, path, *terms)
 
 
 def _steps(
@@ -150,10 +147,9 @@ def _tendon(
     lower, upper = (
         scope.number(*layers.sub("limit").pick(key), coordinate, f"`limit.{key}` of {owner}", least=least) for key in ("lower", "upper")
     )
-    limit = Limit(lower=lower, upper=upper)
-    if limit.lower is not None and limit.upper is not None and not limit.lower < limit.upper:
+    if lower is not None and upper is not None and not lower < upper:
         scope.error(Code.LIMIT, f"limits of tendon `{name}`: expected lower < upper", (*path, "limit", "lower"), help="swap the limits")
-        limit = Limit()
+        lower = upper = None
     drive = None
     if spec.drive is not None:
         for key in ("axis", "armature", "component"):
@@ -166,6 +162,6 @@ def _tendon(
         given = drive_values(scope, owner, coordinate, "drive", spec.drive, (*path, "drive"), keys)
         drive = Drive(component=None, kind=spec.drive.kind, origin=scope.origin((*path, "drive")), **given)
     return Tendon(
-        name=name, moves=moves, turns=coordinate == ANGLE, limit=limit, drive=drive, origin=scope.origin(path, key=True),
-        dynamics=dynamics(scope, owner, coordinate, layers.sub("dynamics"), least=least),
+        name=name, moves=moves, turns=coordinate == ANGLE, limit=Limit(lower=lower, upper=upper), drive=drive,
+        origin=scope.origin(path, key=True), dynamics=dynamics(scope, owner, coordinate, layers.sub("dynamics"), least=least),
     )

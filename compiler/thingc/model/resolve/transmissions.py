@@ -129,9 +129,7 @@ class _Reader:
         """Return a joint that the transmission drives. Report an error if the joint is invalid or has another drive."""
         name = references.replace_index(self.scope, text, place)
         joint = None if name is None else moving_joint(self.table, self.scope, name, place, f"{self.what} cannot move")
-        if joint is not None and self.once(("joint", joint.name), f"joint `{joint.name}`", place, "the joint"):
-            return joint
-        return None
+        return joint if joint is not None and self.once(("joint", joint.name), f"joint `{joint.name}`", place, "the joint") else None
 
     def drive(self, spec: DriveSpec | str | None, place: Path, motor: Dimension, ratio: float) -> Drive | None:
         """Return the drive of an actuator, with the values of the transmission."""
@@ -173,9 +171,7 @@ def _determinant(rows: Sequence[Sequence[float]]) -> float:
     """Return the determinant of a small square matrix, by expansion along its first row."""
     if len(rows) == 1:
         return rows[0][0]
-    return sum_of(
-        (-1.0) ** k * value * _determinant([[*row[:k], *row[k + 1 :]] for row in rows[1:]]) for k, value in enumerate(rows[0])
-    )
+    return sum_of((-1.0) ** k * value * _determinant([[*row[:k], *row[k + 1 :]] for row in rows[1:]]) for k, value in enumerate(rows[0]))
 
 
 def names_of(items: Iterable[Unrolled[TransmissionSpec]]) -> Iterator[tuple[str, Path, str]]:
@@ -188,10 +184,7 @@ def names_of(items: Iterable[Unrolled[TransmissionSpec]]) -> Iterator[tuple[str,
 
 def coupled_drives(table: DocumentScope) -> Iterator[tuple[CoordinateName, Tendon]]:
     """Yield the drives of differentials in a document and its nested documents, each with its name, in which names are joined by dots."""
-    yield from ((CoordinateName(one.name), one) for one in table.coupled)
-    for node in table.nodes.values():
-        if node.table is not None:
-            yield from ((CoordinateName(f"{node.name}.{name}"), one) for name, one in coupled_drives(node.table))
+    return ((CoordinateName(prefix + drive.name), drive) for prefix, inner in table.all_tables() for drive in inner.coupled)
 
 
 def undriven_reported(table: DocumentScope, joint: Joint) -> bool:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Any, Generic, Literal, TypeVar
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Note, make_notes
 from thingc.base.export_names import JointPath, PoseName, RawAttributes, RawPath
 from thingc.base.frozen_struct import FrozenStruct
@@ -17,7 +19,7 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.base.sensor_kinds import Measurement
 from thingc.base.source import Origin, Span
-from thingc.geometry.print_slices import PrintDirection
+from thingc.geometry.print_slices import BRIDGE_FLOW, OVERLAP, UPRIGHT, PrintDirection, Slicing
 from thingc.geometry.record import DriveType, MountRecord, PartDefinition, Value
 from thingc.model.resolve.coordinates import Coordinate, CoordinateName, Dynamics, Limit
 from thingc.model.resolve.link_definition import LinkDefinition
@@ -74,6 +76,52 @@ class Process(OneLineRepr, FrozenStruct):
     estimate: str | None = None
     origins: dict[str, Origin] = {}
     wrong: frozenset[str] = frozenset()
+
+    def merge_over(self, defaults: Process) -> Process:
+        """Return this process, with missing settings taken from `defaults`."""
+        specified = {name: value for name in Process.__struct_fields__ if (value := getattr(self, name)) is not None}
+        invalid = self.wrong | (defaults.wrong - specified.keys())
+        return replace(defaults, **{**specified, "origins": {**defaults.origins, **self.origins}, "wrong": invalid})
+
+    @property
+    def estimation(self) -> str | None:
+        """The method for estimating the printed volume of a part, `layers` or `skin`. None for a solid part."""
+        if self.infill is None or self.infill >= 1.0:
+            return None
+        return self.estimate or ("layers" if self.kind == "fdm" else "skin")
+
+    @property
+    def missing_keys(self) -> tuple[str, ...]:
+        """The missing settings without which the mass of a part cannot be estimated, such as `("walls",)`."""
+        return tuple(key for key in _NEEDED.get(self.estimation or "", ()) if getattr(self, key) is None)
+
+    @property
+    def unspecified_keys(self) -> tuple[str, ...]:
+        """The missing settings that must be reported to the user.
+
+        Invalid settings are omitted, because they have already been reported. If `kind` or `estimate` is invalid, the result is empty.
+        """
+        return tuple(key for key in self.missing_keys if key not in self.wrong) if self.wrong.isdisjoint(("kind", "estimate")) else ()
+
+    @property
+    def layers_too_high(self) -> bool:
+        """Whether the layer height exceeds the line width."""
+        return self.layer is not None and self.line_width is not None and self.layer > self.line_width
+
+    def slicing(self, up: PrintDirection | None) -> Slicing | None:
+        """Return the slicing settings of a part that is printed in the direction `up`.
+
+        Return None if settings are missing, or if the mass is not estimated from layers.
+        """
+        if self.estimation != "layers" or self.missing_keys or self.layers_too_high:
+            return None
+        return Slicing(
+            up=up or UPRIGHT, layer=self.layer or 0.0, line_width=self.line_width or 0.0, walls=self.walls or 0, top=self.top or 0,
+            bottom=self.bottom or 0, overlap=OVERLAP if self.overlap is None else self.overlap, bridge_flow=self.bridge_flow or BRIDGE_FLOW,
+        )
+
+
+_NEEDED = {"skin": ("walls", "line_width"), "layers": ("walls", "line_width", "layer", "top", "bottom")}
 
 
 class Material(OneLineRepr, FrozenStruct):
@@ -147,6 +195,11 @@ class Overrides(CollisionChoice):
     def choices(self) -> dict[str, CollisionChoice]:
         """The collision shapes in all formats (empty string), and in single formats, by format."""
         return {"": self, **self.targets}
+
+    @property
+    def fully_stated(self) -> bool:
+        """Whether mass, centre of mass and inertia are all specified, so that they need not be computed from the geometry."""
+        return self.mass is not None and self.com is not None and self.inertia is not None
 
 
 class BomEntry(OneLineRepr, FrozenStruct):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 
 from msgspec.structs import replace
 
@@ -13,7 +13,7 @@ from thingc.base.numeric import isfinite, pi, radians, sum_of
 from thingc.base.pose import MATE, NO_POSE, Pose
 from thingc.base.suggestions import Hint, did_you_mean
 from thingc.model.assembly.kinematics import coordinates, joints_of, on_loops
-from thingc.model.assembly.types import Assembly, LinkedHold, LinkedMode
+from thingc.model.assembly.types import Assembly, LinkedMode
 from thingc.model.resolve.types import NamedPose
 from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.loop_cuts import closing
@@ -35,11 +35,9 @@ of a mode is always exported.
 STARTS = 8
 """Number of additional start states from which the solver tries to close the loops of a mode before it reports an error."""
 
-TreeMates = Collection[int]
-
 
 def closures_of(
-    assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], tree_mates: TreeMates, report: Report, memo: Memo,
+    assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], tree_mates: Collection[int], report: Report, memo: Memo,
 ) -> tuple[Closure, ...] | None:
     """Return the loop closures of a mode: first its holds, then the joints that are not in its kinematic tree.
 
@@ -50,7 +48,7 @@ def closures_of(
     sound = _check_cuts(assembly, mode, tree_mates, report)
     cut = cut_closures(assembly, bodies, tree_mates)
     holds: list[Closure] = []
-    start_poses: dict[int, Pose] | None = None
+    start_poses = _start_body_poses(assembly, mode, bodies, memo) if any(hold.pose is None for hold in mode.holds) else ()
     placed = in_link(assembly)
     body_of = {body.link: index for index, body in enumerate(bodies)}
     for hold in mode.holds:
@@ -66,24 +64,23 @@ def closures_of(
             sound = False
             continue
         X_LM = placed[choice.occurrence] @ assembly.occurrences[choice.occurrence].mounts[choice.mount].pose
-        if hold.pose is None and start_poses is None:
-            start_poses = _start_body_poses(assembly, mode, bodies, memo)
+        target = start_poses[body_of[link]] @ X_LM if hold.pose is None else hold.pose if choice.of_component else hold.pose @ MATE
         holds.append(Closure(
-            path=choice.path, hold=True, turns=hold.turns, parent=None, child=body_of[link],
-            X_PA=_target(hold, start_poses, body_of[link], X_LM), X_CB=X_LM, joints=(), twists=(), origin=hold.origin,
+            path=choice.path, hold=True, turns=hold.turns, parent=None, child=body_of[link], X_PA=target, X_CB=X_LM, joints=(), twists=(),
+            origin=hold.origin,
         ))
     return (*holds, *cut) if sound else None
 
 
-def _check_cuts(assembly: Assembly, mode: LinkedMode, tree_mates: TreeMates, report: Report) -> bool:
+def _check_cuts(assembly: Assembly, mode: LinkedMode, tree_mates: Collection[int], report: Report) -> bool:
     """Return whether a loop is cut at every joint in the setting `cut` of the mode.
 
     A joint that is not on a loop, or whose loop is cut at another joint, is reported.
     """
     joints = {mate.name: number for number, mate in enumerate(assembly.mates) if mate.name is not None and mate.joints}
-    rejected = [one for one in mode.cut if joints.get(one.joint) in tree_mates]
-    for one in rejected:
-        closed = closing(assembly, tree_mates, joints[one.joint])
+    rejected = [cut for cut in mode.cut if joints.get(cut.joint) in tree_mates]
+    for cut in rejected:
+        closed = closing(assembly, tree_mates, joints[cut.joint])
         fixed = next((mate for mate in closed if not mate.joints), None)
         notes: list[Note] = []
         help: Hint
@@ -92,28 +89,21 @@ def _check_cuts(assembly: Assembly, mode: LinkedMode, tree_mates: TreeMates, rep
             help = "remove the joint from `cut`: a loop that a fixed joint closes is cut at the fixed joint"
             notes = [Note(message=f"`{fixed.loop}` is defined here", span=fixed.origin[0])]
         elif closed:
-            other = next(cut for cut in mode.cut if cut.joint == closed[0].name)
+            other = next(other for other in mode.cut if other.joint == closed[0].name)
             reason, help = f"whose loop is already cut at `{other.joint}`", "remove one of the two joints from `cut`: each loop is cut once"
             notes = [Note(message=f"`{other.joint}` is cut here", span=other.origin[0])]
         else:
             on_loops = [name for name, number in joints.items() if number not in tree_mates or closing(assembly, tree_mates, number)]
             reason = "which is not in a loop"
-            help = did_you_mean(one.joint, on_loops, what="joints in loops") if on_loops else "remove `cut`: the mode has no loops"
-        report.add(Code.CUT, f"mode `{mode.name}` cuts joint `{one.joint}`, {reason}", one.origin, path=one.joint, help=help, notes=notes)
+            help = did_you_mean(cut.joint, on_loops, what="joints in loops") if on_loops else "remove `cut`: the mode has no loops"
+        report.add(Code.CUT, f"mode `{mode.name}` cuts joint `{cut.joint}`, {reason}", cut.origin, path=cut.joint, help=help, notes=notes)
     return not rejected
 
 
-def _target(hold: LinkedHold, start_poses: Mapping[int, Pose] | None, body: int, X_LM: Pose) -> Pose:
-    """Return the pose in the world at which a hold fixes its mount: the current pose for `here`, otherwise the pose in the document."""
-    if hold.pose is not None:
-        return hold.pose if hold.mount.of_component else hold.pose @ MATE
-    return (start_poses or {})[body] @ X_LM
-
-
-def _start_body_poses(assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], memo: Memo) -> dict[int, Pose]:
+def _start_body_poses(assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], memo: Memo) -> tuple[Pose, ...]:
     """Close the loops of joints in the start pose of the mode (by default all joints at 0), and return the poses of all bodies."""
     pose = next((pose for pose in assembly.poses if pose.name == mode.pose), None)
-    return dict(enumerate(placed_bodies(bodies, closed_coordinates(assembly, pose, memo), bodies[0].X_PL)))
+    return placed_bodies(bodies, closed_coordinates(assembly, pose, memo), bodies[0].X_PL)
 
 
 def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -> dict[str, float]:
@@ -176,12 +166,12 @@ def keyframes_of(
     for pose in poses:
         start = SolverState(q=coordinates(joints, pose.values), base=loops.base)
         solution = memo(("closed", of_mode, pose.name), close_pose, loops, start, frozenset(pose.values), base_moves)
-        moved = _movements(loops, start, solution, following - pose.values.keys())
+        moved = _movements(loops, start, solution, following - pose.values.keys()) if solution.closed else {}
         if not solution.closed:
-            closure, residual = _worst(loops, solution)
-            unclosed.append(Unclosed(name=pose.name, path=closure.path, residual=residual, origin=pose.origin))
             failed.append(solution)
-        elif pose.name != mode.pose and any(abs(moved.get(c.path, 0.0)) > FAR * c.unit for c in loops.coordinates):
+        if not solution.closed or (
+            pose.name != mode.pose and any(abs(moved.get(c.path, 0.0)) > FAR * c.unit for c in loops.coordinates)
+        ):
             closure, residual = _worst(loops, solution)
             unclosed.append(Unclosed(name=pose.name, path=closure.path, residual=residual, origin=pose.origin, moved=moved))
         else:
@@ -189,7 +179,7 @@ def keyframes_of(
             keyframes.append(Keyframe(
                 name=pose.name, q=solution.state.q, origin=pose.origin, base=base, moved=moved, residual=solution.residual,
             ))
-    start_failure = next((one for one in unclosed if one.name == mode.pose), None)
+    start_failure = next((pose for pose in unclosed if pose.name == mode.pose), None)
     best = None if len(failed) < len(poses) else memo(("failed", of_mode), closest_failure, loops, tuple(failed), base_moves)
     if start_failure is None and best is None:
         return tuple(keyframes), tuple(unclosed)

@@ -77,8 +77,8 @@ def cut_priorities(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, 
     cut = {entry.joint: rank for rank, entry in enumerate(mode.cut)}
     mates = [(number, mate) for number, mate in enumerate(assembly.mates) if mate.joints]
     followed = {joint.mimic.joint.path for _, mate in mates for joint in mate.joints if joint.mimic is not None}
-    driven = {joint.path for _, mate in mates for joint in mate.joints if joint.actuator is not None and _drives(mode, joint.path)}
-    driven |= {path for tendon in assembly.tendons if tendon.transmission and _drives(mode, tendon.path) for path in tendon.moves}
+    driven = {joint.path for _, mate in mates for joint in mate.joints if joint.actuator is not None and mode.has_drive(joint.path)}
+    driven |= {path for tendon in assembly.tendons if tendon.transmission and mode.has_drive(tendon.path) for path in tendon.moves}
     for number, mate in mates:
         yield number, CutPriority(
             uncut=cut.get(mate.name or "", len(cut)),
@@ -90,11 +90,6 @@ def cut_priorities(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, 
             placing=mate.loop is None,
             earlier=-number,
         )
-
-
-def _drives(mode: LinkedMode, path: str) -> bool:
-    """Return whether the drive of a joint or tendon exists in a mode."""
-    return mode.actuators is None or path in mode.actuators
 
 
 def _export_difficulty(mate: Mate) -> int:

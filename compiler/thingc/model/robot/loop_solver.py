@@ -94,9 +94,9 @@ class Solution(FrozenStruct):
 class LoopCoordinate(FrozenStruct):
     """An independent coordinate of the solver, which moves one joint and all joints that mimic it.
 
-    The limits [rad or m] of the coordinate are the range in which all these joints are within their limits. `joints` maps joint paths to dq
-    / dcoordinate. Polynomials are linearized at leaders = 0. `unit` is the length [m] that corresponds to a rotation of 1 rad. For a
-    rotation, `unit` is 1.
+    The limits [rad or m] of the coordinate are the range in which all these joints are within their limits. `moves` contains pairs of a
+    joint path and dq / dcoordinate. Polynomials are linearized at leaders = 0. `unit` is the length [m] that corresponds to a rotation of
+    1 rad. For a rotation, `unit` is 1.
     """
 
     path: str
@@ -153,7 +153,7 @@ class Loops:
             return self
         bodies = [body if k in self._needed else replace(body, X_PL=NO_POSE, joints=()) for k, body in enumerate(self.bodies)]
         free = {path: replace(joint, limit=replace(joint.limit, lower=None, upper=None)) for path, joint in self.joints.items()}
-        return Loops(bodies, self.closures, [free[path] if path in outside else one for path, one in self.joints.items()], self.base)
+        return Loops(bodies, self.closures, [free[path] if path in outside else joint for path, joint in self.joints.items()], self.base)
 
     def _extent(self) -> float:
         """Return the size [m] of the robot, which scales translations in the solver.
@@ -366,23 +366,22 @@ class Loops:
             if correction is None:
                 return None
             changes = [value_preferred + change for value_preferred, change in zip(preferred_free, correction, strict=True)]
-            beyond: list[tuple[int, float]] = []
+            beyond: dict[int, float] = {}
             for k, value in zip(free, changes, strict=True):
                 if k < len(chosen):
                     coordinate = chosen[k]
                     q = state.q[coordinate.path]
                     low, high = (coordinate.lower - q) / coordinate.unit, (coordinate.upper - q) / coordinate.unit
                     if value < low or value > high:
-                        beyond.append((k, low if value < low else high))
+                        beyond[k] = low if value < low else high
             if not beyond:
                 for k, value in zip(free, changes, strict=True):
                     step[k] = value
                 break
-            for k, value in beyond:
+            for k, value in beyond.items():
                 step[k] = value
                 remaining = [e + value * c for e, c in zip(remaining, columns[k], strict=True)]
-            stopped = {k for k, _ in beyond}
-            free = [k for k in free if k not in stopped]
+            free = [k for k in free if k not in beyond]
         longest = maximum((abs(value) for value in step), default=0.0)
         return step if longest <= REACH else [value * REACH / longest for value in step]
 

@@ -47,7 +47,7 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
     return Robot(
         name=assembly.name, mode=mode, assembly=assembly, base=mode.base, gravity=mode.gravity, bodies=bodies,
         sites=tuple(_sites(assembly, body_of, memo)), excluded=_excluded_pairs(assembly, mode, body_of), keyframes=closed[0],
-        present=_present(assembly, mode),
+        present=tuple(joint.path for joint in joints_of(assembly) if joint.actuator is not None and mode.has_drive(joint.path)),
         adhesion={adhesion.path: mode.adhesion.get(adhesion.path, 0.0) for adhesion in assembly.adhesions}, closures=closures,
         unclosed=closed[1], moves=base_moves(mode, bodies[0].X_PL),
     )
@@ -90,10 +90,3 @@ def _excluded_pairs(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int
     for first, second in (*joined_links(assembly, assembly.link_of[mode.root.occurrence]), *mode.exclude):
         pairs[(min(first, second), max(first, second))] = None
     return tuple((body_of[first], body_of[second]) for first, second in pairs)
-
-
-def _present(assembly: Assembly, mode: LinkedMode) -> tuple[str, ...]:
-    """Return the paths of the joints that have an actuator in this mode, in the order of the assembly's joints."""
-    chosen = None if mode.actuators is None else set(mode.actuators)
-    driven = (joint.path for joint in joints_of(assembly) if joint.actuator is not None)
-    return tuple(path for path in driven if chosen is None or path in chosen)

@@ -17,7 +17,6 @@ from thingc.base.source import Origin
 from thingc.base.units import LENGTH, Quantity
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import Assembly, Link, Occurrence
-from thingc.model.resolve.coordinates import Limit
 from thingc.model.robot.floor_height import MeshVertices, of_box, of_points, vertices_of
 from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Keyframe, Robot, Unclosed
@@ -32,9 +31,6 @@ MOVED = {True: radians(0.5), False: 0.5e-3}
 """Largest change of a given joint value by loop closure for which there is no warning: [rad] for rotations, [m] for translations."""
 
 Problem = TypeVar("Problem")
-
-ROUNDING = 1e-9
-"""Tolerance [rad, m] for joint limits at q = 0."""
 
 
 def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, report: Report, memo: Memo) -> None:
@@ -159,7 +155,7 @@ def _outside_limits(robot: Robot) -> tuple[str, ...] | None:
     if not robot.mode.stated or robot.mode.pose is not None or robot.closures:
         return None
     free = (joint for body in robot.bodies for joint in body.joints if joint.mimic is None)
-    return tuple(joint.path for joint in free if not _at_rest(joint.limit)) or None
+    return tuple(joint.path for joint in free if not joint.limit.contains(0.0)) or None
 
 
 def _check_poses(robots: Sequence[Robot], report: Report) -> None:
@@ -186,11 +182,6 @@ def _check_poses(robots: Sequence[Robot], report: Report) -> None:
             help=f"write `{path.replace('/', '.')}: {new}`, or remove joints from the pose, so that thingc can move them",
             allow=True,
         )
-
-
-def _at_rest(limit: Limit) -> bool:
-    """Return whether the position 0 is within the limits of a joint, with a tolerance for rounding."""
-    return (limit.lower is None or limit.lower <= ROUNDING) and (limit.upper is None or limit.upper >= -ROUNDING)
 
 
 def _lowest(robot: Robot, spheres: Sequence[float], mesh_vertices: MeshVertices | None, memo: Memo) -> Iterator[tuple[float, int]]:

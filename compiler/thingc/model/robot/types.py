@@ -193,9 +193,8 @@ class Robot(OneLineRepr, FrozenStruct):
 
         If the mode does not select actuators, all tendons are included. A mode can only select the drives of differentials.
         """
-        chosen = self.mode.actuators
-        driven = (one.path for one in self.assembly.tendons if one.actuator is not None)
-        return tuple(path for path in driven if chosen is None or path in chosen)
+        driven = (tendon for tendon in self.assembly.tendons if tendon.actuator is not None)
+        return tuple(tendon.path for tendon in driven if self.mode.has_drive(tendon.path))
 
     @property
     def start(self) -> Keyframe | None:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thingc.base.joints.twist import Twist
-from thingc.base.numeric import hypot, inf, sum_of
+from thingc.base.numeric import dist, hypot, inf, sum_of
 from thingc.base.pose import Pose, Vector
 from thingc.base.primitives import Primitive
 from thingc.model.assembly.kinematics import coordinates, joints_of, leaders
@@ -239,7 +239,7 @@ class Place:
         """
         a, b = pair.bodies
         relative = self.relative(pair)
-        if _distance(a.middle, relative.apply(b.middle)) - a.radius - b.radius >= within:
+        if dist(a.middle, relative.apply(b.middle)) - a.radius - b.radius >= within:
             return within
         low, high = relative.around(b.box)
         gaps = [max(low[k] - a.box[1][k], a.box[0][k] - high[k], 0.0) for k in range(3)]
@@ -396,10 +396,6 @@ def _steepest(mimic: Mimic, bound: float) -> float:
 
 def _encloses(outer: tuple[Vector, Vector], inner: tuple[Vector, Vector]) -> bool:
     return all(a < b and c > d for a, b, c, d in zip(outer[0], inner[0], outer[1], inner[1], strict=True))
-
-
-def _distance(a: Vector, b: Vector) -> float:
-    return hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
 def prove(sweep: Sweep, pairs: Collection[ComparedPair]) -> None:

@@ -68,7 +68,8 @@ def problem(
         own = on_joints[path] if moving is None else on_joints[path] + moving.get(path, 0.0)
         load[leader] = load.get(leader, 0.0) + factor * own
         if path in robot.present:
-            moves = ((leader, factor),) if joint.actuator is None or joint.actuator.axis is None else _drive_speeds(joint, joints, q)
+            axis = joint.actuator.axis if joint.actuator is not None else None
+            moves = ((leader, factor),) if axis is None else _drive_speeds(joint, axis, joints, q)
             drives.append(DriveTransmission(path, moves, limit, limit or 1.0))
     for tendon in robot.assembly.tendons:
         if tendon.path in robot.pulled and tendon.actuator is not None:
@@ -81,15 +82,14 @@ def problem(
     return load, drives
 
 
-def _drive_speeds(joint: JointEdge, joints: Iterable[JointEdge], q: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
+def _drive_speeds(joint: JointEdge, axis: Vector, joints: Iterable[JointEdge], q: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
     """Return the speed of a drive of a ball joint per speed of each coordinate.
 
-    The speed is the angular velocity about the axis of the drive, which is fixed in the child.
+    The speed is the angular velocity about the `axis` of the drive, which is fixed in the child.
     """
-    ball = tuple(one for one in joints if one.name.joint == joint.name.joint)
-    values = tuple(q[one.path] for one in ball)
-    axis = (joint.actuator.axis if joint.actuator is not None else None) or (0.0, 0.0, 0.0)
-    twists = velocities(tuple(one.twist for one in ball), values, NO_POSE, at_once=True)
+    ball = tuple(coordinate for coordinate in joints if coordinate.name.joint == joint.name.joint)
+    values = tuple(q[coordinate.path] for coordinate in ball)
+    twists = velocities(tuple(coordinate.twist for coordinate in ball), values, NO_POSE, at_once=True)
     return tuple((ball[number].path, dot(axis, twist.angular)) for number, twist in twists)
 
 

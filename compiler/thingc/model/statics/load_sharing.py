@@ -16,8 +16,7 @@ last step keeps the set of used edges and solves the remaining equations exactly
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,7 +83,7 @@ def balance(
     known, pushed = np.array([load[path] for path in paths]), np.zeros((count, 0))
     if stands is not None:
         known = np.concatenate([known, np.array(stands.weight) * size, stands.turning])
-        J = _feet(following, stands, column, size)
+        J = list(_feet(following, stands, column, size))
         known -= sum((foot.pull * moves[2] for foot, moves in zip(stands.feet, J, strict=True)), np.zeros(count))
         pushed = np.hstack([pushed, *(moves.T @ edges(foot.friction).T for foot, moves in zip(stands.feet, J, strict=True))])
     weights = np.array([drive.weight for drive in drives])
@@ -92,24 +91,23 @@ def balance(
     for number, drive in enumerate(drives):
         for path, factor in drive.moves:
             moved[column[path], number] = factor
-    shared = _share(free.T @ moved * weights, free.T @ known, free.T @ pushed)
-    effort = weights * shared.efforts
-    rest = np.abs(free @ (free.T @ (known + moved @ effort + pushed @ shared.forces)))
+    shares, forces, choices = _share(free.T @ moved * weights, free.T @ known, free.T @ pushed)
+    effort = weights * shares
+    rest = np.abs(free @ (free.T @ (known + moved @ effort + pushed @ forces)))
     efforts = {drive.path: float(value) + 0.0 for drive, value in zip(drives, effort, strict=True)}
     worst = int(rest.argmax()) if count else 0
     return answer(
         drives, efforts, float(np.abs(known).max(initial=0.0)), float(rest.max(initial=0.0)), paths[worst] if worst < len(paths) else "",
-        shared.choices, fall=None if stands is None or holds else _fall(stands),
+        choices, fall=None if stands is None or holds else _fall(stands),
     )
 
 
-def _feet(following: Mapping[str, tuple[str, float, float]], stands: Support, column: Mapping[str, int], size: float) -> list[Array]:
-    """Return the Jacobian (3 x n) of the position [m] of each foot with respect to the coordinates.
+def _feet(following: Mapping[str, tuple[str, float, float]], stands: Support, column: Mapping[str, int], size: float) -> Iterator[Array]:
+    """Yield the Jacobian (3 x n) of the position [m] of each foot with respect to the coordinates.
 
     The coordinates are the joints, three translations of the base (in units of `size` [m]), and three rotations of the base about its
     origin.
     """
-    jacobians: list[Array] = []
     for foot in stands.feet:
         J = np.zeros((3, len(column) + 6))
         for path, velocity in foot.moves.items():
@@ -118,8 +116,7 @@ def _feet(following: Mapping[str, tuple[str, float, float]], stands: Support, co
         x, y, z = np.array(foot.point) - np.array(stands.origin)
         J[:, -6:-3] = np.eye(3) * size
         J[:, -3:] = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
-        jacobians.append(J)
-    return jacobians
+        yield J
 
 
 def _fall(stands: Support) -> Topple | None:
@@ -149,21 +146,11 @@ def edges(friction: float) -> Array:
     return np.stack([friction * np.cos(angles), friction * np.sin(angles), np.ones(EDGES)], axis=1)
 
 
-class _Shares(NamedTuple):
-    """A solution of the balance: the `efforts` divided by their weights, and the `forces` along the edges of the pyramids.
-
-    `choices` is the dimension of the space of solutions.
-    """
-
-    efforts: Array
-    forces: Array
-    choices: int
-
-
-def _share(held: Array, known: Array, pushed: Array) -> _Shares:
+def _share(held: Array, known: Array, pushed: Array) -> tuple[Array, Array, int]:
     """Solve `held x + known + pushed y = 0` as far as possible, with the least |x|.
 
-    The vector x contains the drive efforts, and y >= 0 contains the forces along the edges.
+    The vector x contains the drive efforts divided by their weights, and y >= 0 contains the forces along the edges of the pyramids. Return
+    x, y and the dimension of the space of solutions.
     """
     left, sizes, right = np.linalg.svd(held) if held.size else (np.eye(len(known)), np.zeros(0), np.eye(held.shape[1]))
     rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
@@ -172,7 +159,7 @@ def _share(held: Array, known: Array, pushed: Array) -> _Shares:
     y = _forces(rigid @ pushed, rigid @ known, inverse @ pushed, inverse @ known) if pushed.shape[1] else np.zeros(0)
     inner = inverse @ pushed @ _null_space(rigid @ pushed) if pushed.shape[1] else np.zeros((len(inverse), 0))
     open_ = held.shape[1] - rank + (int(np.linalg.matrix_rank(inner, tol=1e-9 * np.abs(inverse @ pushed).max())) if inner.size else 0)
-    return _Shares(-inverse @ (known + pushed @ y), y, open_)
+    return -inverse @ (known + pushed @ y), y, open_
 
 
 def _forces(must: Array, due: Array, costs: Array, before: Array) -> Array:

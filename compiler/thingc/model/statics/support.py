@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from thingc.base.numeric import dist, hypot, inf, maximum, minimum, sum_of
@@ -65,11 +65,10 @@ def stance(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Supp
     )
 
 
-def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> list[FootContact]:
+def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Iterator[FootContact]:
     assembly, placed = robot.assembly, in_link(robot.assembly)
     body_of = {body.link: index for index, body in enumerate(robot.bodies)}
-    pulls = {(one.occurrence, one.mount): robot.adhesion.get(one.path, 0.0) for one in assembly.adhesions}
-    footings: list[FootContact] = []
+    pulls = {(magnet.occurrence, magnet.mount): robot.adhesion.get(magnet.path, 0.0) for magnet in assembly.adhesions}
     for foot in robot.mode.feet:
         choice = foot.mount
         mount = assembly.occurrences[choice.occurrence].mounts[choice.mount]
@@ -79,9 +78,7 @@ def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> l
             joint.path: twist.velocity(point)[0] for body in with_ancestors(robot.bodies, own)
             for joint, twist in in_world(robot.bodies[body], bodies[body], q)
         }
-        pull = pulls.get((choice.occurrence, choice.mount), 0.0)
-        footings.append(FootContact(choice.path, point, moves, foot.friction, pull))
-    return footings
+        yield FootContact(choice.path, point, moves, foot.friction, pulls.get((choice.occurrence, choice.mount), 0.0))
 
 
 def lifted_feet(feet: Sequence[FootContact]) -> dict[str, float]:

@@ -22,7 +22,6 @@ from thingc.geometry.record import PartDefinition
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.mass import process_of
 from thingc.model.assembly.types import Assembly, Occurrence
-from thingc.model.resolve.types import Process
 from thingc.targets import Artifacts, EmitRequest, Loss
 from thingc.targets.bom.emit import make_of, plain_name
 from thingc.targets.stl.emit import direction_up, turn_stl
@@ -240,7 +239,7 @@ def _material(occurrence: Occurrence) -> tuple[str, str]:
 
 def settings_of(occurrence: Occurrence) -> dict[str, str]:
     """Return the settings of the process of a part, as PrusaSlicer names and writes them. Settings that are not specified are omitted."""
-    process = process_of(occurrence.component, occurrence.material) or Process()
+    process = process_of(occurrence.component, occurrence.material)
     lengths = {"layer_height": process.layer, "extrusion_width": process.line_width}
     counts = {"perimeters": process.walls, "top_solid_layers": process.top, "bottom_solid_layers": process.bottom}
     return {

@@ -11,7 +11,7 @@ from thingc.base.pose import Vector
 from thingc.geometry.print_slices import UPRIGHT
 from thingc.geometry.print_support import STEEPEST, PrintSolid
 from thingc.model.assembly.mass import process_of
-from thingc.model.resolve.types import Material, Process
+from thingc.model.resolve.types import Material
 from thingc.tools.workshop.plates import Print, upright
 
 FILAMENT = 1.75e-3
@@ -53,7 +53,7 @@ def measure_print(one: Print) -> PrintMeasurements:
     (area, support), (up, least) = solid.support(one.up), solid.least_support()
     better = least < 0.8 * support
     mass, material = one.first.properties.mass, one.first.material or Material(name="", density=None, origin=())
-    process = process_of(one.first.component, one.first.material) or Process()
+    process = process_of(one.first.component, one.first.material)
     volume = mass / material.density if material.density else None
     wall, width, layer, time = thinnest_wall(solid, float(np.linalg.norm(vertices.max(axis=0)))), process.line_width, process.layer, None
     x, y, z = (1e-3 * float(length) for length in one.vertices.max(axis=0).round(4))

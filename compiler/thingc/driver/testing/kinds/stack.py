@@ -139,7 +139,7 @@ def _mount_contributions(
     occurrence = assembly.occurrences[index]
     process = process_of(occurrence.component, occurrence.material)
     for name in mounts:
-        if process is None or name == "origin" or process.tolerance is None and process.tilt is None:
+        if name == "origin" or process.tolerance is None and process.tilt is None:
             continue
         arm = add_scaled(end, poses[index].apply(occurrence.mounts[name].pose.translation), -1.0)
         axes = [rotate(poses[index].rotation, axis) for axis in AXES]
