@@ -12,33 +12,17 @@ from thingc.base.pose import NO_POSE
 from thingc.base.source import Origin, line_of
 from thingc.base.suggestions import Hint, did_you_mean, nearest
 from thingc.geometry.print_slices import SliceFailure
-from thingc.geometry.record import FailureKind, ImpureInputs, MountRecord, PartDefinition, PartFailure, PartRecord, PartWarning
+from thingc.geometry.record import ImpureInputs, MountRecord, PartDefinition, PartFailure, PartRecord, PartWarning
 from thingc.model.assembly.hag import FRAME, Definition
 from thingc.model.assembly.mass import NOTHING, MassResult, component_mass, material_of, process_of, slicing_of
 from thingc.model.assembly.report import LinkReport, written_at
 from thingc.model.assembly.shape_links import Meshes, MissingDensity, list_shapes, warn_far, weigh_shapes
 from thingc.model.assembly.types import PartInstance
 from thingc.model.resolve.link_definition import LinkDefinition, mesh_files_of
+from thingc.model.resolve.parts import FAILURES
 from thingc.model.resolve.plausibility import density_cure, density_doubt, mass_doubt, mass_words, said_by_file
 from thingc.model.resolve.types import AssemblyDefinition, BomEntry, Component, Material, Process
 
-_WRITE_WHERE = "write files only to `tempfile.gettempdir()`, a temporary folder that is deleted when the part is finished"
-_FAILED: Mapping[FailureKind, tuple[Code, str, str]] = {
-    "raised": (Code.PART_RAISED, "raised an exception", "change the `params` of the component, or fix the part file"),
-    "hung": (Code.PART_HUNG, "took too long", "fix the part, or allow more time with `--part-timeout`"),
-    "crashed": (Code.PART_CRASHED, "crashed the interpreter", "change the `params` of the component, or the CAD calls in the part file"),
-    "trespassed": (Code.PART_WRITES, "writes files outside its own folder", _WRITE_WHERE),
-    "swarmed": (Code.PART_SWARMED, "starts too many processes", "start fewer processes, and wait for each process"),
-    "starved": (Code.PART_STARVED, "needs too much memory", "simplify the part, or raise `part_memory` in `thingc.toml`"),
-    "empty": (Code.PART_EMPTY, "has no volume", "return a solid from `result()`, or None for a part without geometry"),
-    "refused": (Code.PART_REFUSED, "is not allowed", "use a part from the `parts` folders or the `packages` of the workspace"),
-    "missing": (Code.PART_MISSING, "does not exist", "write `module:Class`, with a module in a part folder and a class in that module"),
-    **dict.fromkeys(("invalid", "resultless", "absent"), (Code.PART_INVALID, "is not valid", "fix the part file")),
-    "unbounded": (Code.PART_INVALID, "cannot be simplified to so few triangles", "increase `faces`"),
-    "stale": (Code.LOCK_STALE, "has changed", "run `thingc lock`, and commit `parts.lock.json`"),
-    "unlocked": (Code.NOT_LOCKED, "is not locked", "run `thingc lock`, and commit `parts.lock.json`"),
-}
-"""For each kind of failure: the diagnostic code, the end of the message after the name of the part, and the help text."""
 _INSTEAD: Mapping[ImpureInputs, str] = {
     ImpureInputs.ENVIRONMENT: "pass the value as a parameter, or in a file that the part reads with `asset(...)`",
     ImpureInputs.CLOCK: "pass the value as a parameter",
@@ -171,7 +155,7 @@ class PartInstances:
             if not isinstance(failure, PartFailure) or not isinstance(part, PartDefinition):
                 continue
             help: Hint
-            code, description, help = _FAILED[failure.kind]
+            code, description, help = FAILURES[failure.kind]
             notes = _further_uses(others, "part")
             if part.parameters:
                 parameters = zip(part.parameters, part.words)

@@ -27,8 +27,6 @@ from thingc.model.resolve.repeats import Unrolled
 from thingc.model.resolve.scope import DefaultLayers, LayeredValue, Scope
 from thingc.model.resolve.types import Drive, Joint, Reference
 
-_ENDLESS = "; use `type: continuous` for a joint without limits"
-
 DRIVE_KINDS: tuple[str, ...] = get_args(DriveKind)
 """The possible kinds of an inline drive."""
 
@@ -58,9 +56,7 @@ def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimensi
     return isinstance(value, Quantity) and key in dimensions and not value.fits(dimensions[key]) and value.fits(other_dimensions[key])
 
 
-def values(
-    scope: Scope, owner: str, coordinate: Dimension, section: str, layers: DefaultLayers, keys: Iterable[str],
-) -> dict[str, Any]:
+def values(scope: Scope, owner: str, coordinate: Dimension, section: str, layers: DefaultLayers, keys: Iterable[str]) -> dict[str, Any]:
     """Return the values [SI] of settings that must not be negative, such as `damping`. `owner` is the name of the joint or tendon.
 
     Missing and invalid values are None. Invalid values are reported.
@@ -70,9 +66,7 @@ def values(
     return {key: scope.number(*value, dimensions[key], f"`{section}.{key}` of {owner}", least=0.0) for key, value in settings.items()}
 
 
-def _refuse(
-    item: Unrolled[JointSpec], key: str | Path, text: str, help: str, *, code: Code = Code.JOINT_FIELD, typed: bool = True,
-) -> None:
+def _refuse(item: Unrolled[JointSpec], key: str | Path, text: str, help: str, *, code: Code = Code.JOINT_FIELD, typed: bool = True) -> None:
     """Report an error for a key that the type of a joint does not allow.
 
     `key` is the key, or its path in the document. In the message, `text` follows the name of the joint. With `typed`, a note shows the
@@ -152,7 +146,7 @@ def _coordinates(
     for key in ("limit", "dynamics", "drive", "offset", "mimic"):
         setting = getattr(item.spec, key)
         is_list = isinstance(setting, (list, dict))
-        indices = [] if not is_list else [int(one) for one in setting] if isinstance(setting, dict) else list(range(len(setting)))
+        indices = [] if not is_list else map(int, setting) if isinstance(setting, dict) else range(len(setting))
         if setting is None or key not in item.spec.model_fields_set or (is_list == (count > 1) and all(n < count for n in indices)):
             continue
         if count > 1:
@@ -235,15 +229,10 @@ def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int
                 Code.DRIVE, f"drive {number} of ball joint `{name}` has an `armature`: a ball has one `armature` for all axes",
                 (*axis_path[:-1], "armature"), key=True, help="set it under `dynamics` of the joint",
             )
-        axis = _direction(scope, spec.axis, axis_path, f"the axis of drive {number} of joint `{name}`", Code.DRIVE)
+        axis = scope.direction(spec.axis, axis_path, f"the axis of drive {number} of joint `{name}`", Code.DRIVE)
         if axis is not None and drive is not None:
             drives[number] = replace(drive, axis=axis)
     return drives
-
-
-def _direction(scope: Scope, axis: Sequence[Any], path: Path, subject: str, code: Code) -> Vector | None:
-    """Evaluate an axis and return it as a unit vector. If the axis is invalid or zero, report an error about `subject` and return None."""
-    return scope.direction(axis, path, subject, code, f"{subject} has length 0 and thus no direction", "[1, 0, 0]")
 
 
 def _resolve_joint(
@@ -326,8 +315,8 @@ def _axis(item: Unrolled[JointSpec], kind: JointKind) -> Vector | None:
         help = "remove `axis`: the joint uses the axes of the parent mount" if kind.moves else "remove `axis`: the joint does not move"
         _refuse(item, "axis", f"is {kind.name} and cannot have an `axis`", help)
         return None
-    axis = _direction(item.scope, item.spec.axis, (*item.path, "axis"), f"the axis of joint `{item.name}`", Code.OUT_OF_RANGE)
-    return next((one for one in IDENTITY if one == axis), axis)  # `Twist` detects exact vectors
+    axis = item.scope.direction(item.spec.axis, (*item.path, "axis"), f"the axis of joint `{item.name}`", Code.OUT_OF_RANGE)
+    return next((unit for unit in IDENTITY if unit == axis), axis)  # `Twist` detects exact vectors
 
 
 def _lead(item: Unrolled[JointSpec], kind: JointKind) -> float | None:
@@ -377,12 +366,11 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
         missing = [f"`limit.{key}`" for key, setting in ends.items() if not setting]
         in_doubt = scope.doubts.touch(path) or scope.doubts.touch(("defaults", "joint"))
         if missing and kind.limits == "required" and item.spec.mimic is None and not in_doubt:
-            example = "{lower: -90 deg, upper: 90 deg}" if coordinate == ANGLE else "{lower: 0, upper: 20 mm}"
-            scope.error(
-                Code.LIMIT, f"joint `{name}` is {kind.name} and needs {' and '.join(missing)}",
-                (*path, "limit") if item.spec.limit is not None else path, key=True,
-                help=f"write, for example, `limit: {example}`" + (_ENDLESS if coordinate == ANGLE else ""),
-            )
+            help = "write, for example, `limit: {lower: 0, upper: 20 mm}`"
+            if coordinate == ANGLE:
+                help = "write, for example, `limit: {lower: -90 deg, upper: 90 deg}`; use `type: continuous` for a joint without limits"
+            place = (*path, "limit") if item.spec.limit is not None else path
+            scope.error(Code.LIMIT, f"joint `{name}` is {kind.name} and needs {' and '.join(missing)}", place, key=True, help=help)
         if low is not None and high is not None and not low < high:
             fault = "are reversed" if low > high else "are equal"
             lower, upper = ends.values()
@@ -399,11 +387,11 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
 
 def _cone(item: Unrolled[JointSpec], layers: DefaultLayers) -> Limit:
     """Return the limit of a ball joint. Its `cone` is the largest rotation angle [rad] from q = 0, or None without a limit."""
-    for key, setting in ((key, layers.pick(key)) for key in ("lower", "upper", "effort", "velocity")):
-        if setting.own:
-            help = "limit its angle by `cone`, and effort and velocity in its drives"
-            _refuse(item, setting.path, f"is a ball and cannot have `limit.{key}`", help, code=Code.LIMIT, typed=False)
-            break
+    unsupported = [key for key in ("lower", "upper", "effort", "velocity") if layers.pick(key).own]
+    if unsupported:
+        text, path = f"is a ball and cannot have `limit.{unsupported[0]}`", layers.pick(unsupported[0]).path
+        help = "limit its angle by `cone`, and effort and velocity in its drives"
+        _refuse(item, path, text, help, code=Code.LIMIT, typed=False)
     return Limit(cone=item.scope.number(*layers.pick("cone"), ANGLE, f"`limit.cone` of joint `{item.name}`", above=0.0))
 
 

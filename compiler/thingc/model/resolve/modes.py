@@ -41,13 +41,10 @@ def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Ho
     resolved: list[Hold] = []
     for text, (spec, path) in layers.entries("hold").items():
         reference = references.root(table, scope, text, path, key=True)
-        pose, turns = None, False
-        if isinstance(spec, HoldSpec):
-            turns = spec.carries == "force"
-            pose = scope.pose(spec, path) if spec.at is None else None
-            if spec.at is None and pose is None:
-                continue
-        if reference is not None:
+        has_pose = isinstance(spec, HoldSpec) and spec.at is None
+        pose = scope.pose(spec, path) if has_pose else None
+        if reference is not None and (pose is not None or not has_pose):
+            turns = isinstance(spec, HoldSpec) and spec.carries == "force"
             resolved.append(Hold(mount=reference, pose=pose, origin=scope.origin(path, key=True), turns=turns))
     return tuple(resolved)
 
@@ -153,17 +150,12 @@ def modes(table: DocumentScope, scope: Scope) -> tuple[Mode, ...]:
             gravity=GRAVITY["floor"], pose=None, poses=tuple(table.poses), actuators=None, exclude=(), adhesion=(), simulation={},
             origin=origin, stated=False,
         ),)
-    in_cycle = _circular(scope, spec.modes)
-    resolved: list[Mode] = []
-    for name in spec.modes:
-        layers = _layers(scope, spec.modes, name, in_cycle)
-        mode = _mode(table, scope, name, layers)
-        if mode is not None:
-            resolved.append(mode)
-    return tuple(resolved)
+    in_cycle = _names_in_cycles(scope, spec.modes)
+    resolved = [_mode(table, scope, name, in_cycle) for name in spec.modes]
+    return tuple(mode for mode in resolved if mode is not None)
 
 
-def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
+def _names_in_cycles(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
     """Return the names of modes that extend themselves directly or indirectly. Each cycle is reported once."""
     in_cycle: set[str] = set()
     for cycle in find_cycles(specs, lambda name: specs[name].extends if name in specs else None):
@@ -180,7 +172,7 @@ def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
     return in_cycle
 
 
-def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[str]) -> DefaultLayers | None:
+def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, in_cycle: set[str]) -> DefaultLayers | None:
     """Return the settings of a mode, followed by the settings of the modes that the mode extends.
 
     If the mode is invalid, report an error and return None.
@@ -188,7 +180,7 @@ def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[s
     items: list[tuple[ModeSpec, Path]] = []
     step: str | None = name
     while step is not None:
-        if step in circular:
+        if step in in_cycle:
             return None
         if len(items) == MAX_EXTENDED:
             scope.error(Code.TOO_MANY, f"mode `{name}` extends a chain of more than {MAX_EXTENDED} modes", ("modes", name, "extends"))
@@ -206,7 +198,9 @@ def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[s
     return DefaultLayers(tuple(items))
 
 
-def _mode(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayers | None) -> Mode | None:
+def _mode(table: DocumentScope, scope: Scope, name: str, in_cycle: set[str]) -> Mode | None:
+    """Resolve a mode. If the mode is invalid or its name is in `in_cycle`, which has been reported, return None."""
+    layers = _layers(scope, table.spec.modes, name, in_cycle)
     if layers is None:
         return None
     kind: BaseType = layers.pick("base").value or "fixed"
@@ -312,11 +306,10 @@ def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, mode_h
     on = layers.sub("at").pick("on")
     for hold in mode_holds:
         if hold.pose is not None and on:
-            mount = ".".join((*hold.mount.path, *((hold.mount.mount,) if hold.mount.mount else ())))
             scope.error(
                 Code.HEIGHT,
-                f"mode `{name}` sets the height of the robot twice: by `on: floor` and by the hold of `{mount}` at a fixed place",
-                ("modes", name, "hold"), span=hold.origin[0], help=f"write `{mount}: here`, or set a height in `at`",
+                f"mode `{name}` sets the height of the robot twice: by `on: floor` and by the hold of `{hold.mount.text}` at a fixed place",
+                ("modes", name, "hold"), span=hold.origin[0], help=f"write `{hold.mount.text}: here`, or set a height in `at`",
                 notes=[Note(message="`on: floor` is set here", span=scope.span(on.path))],
             )
 
@@ -334,12 +327,10 @@ def _gravity(scope: Scope, layers: DefaultLayers) -> tuple[Vector, Origin]:
 
 
 def _pose(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> str | None:
-    name: str | None = layers.pick("pose").value
-    if name is None or name in table.poses:
-        return name
-    if not scope.doubts.lacks("poses"):
-        report_unmatched(scope, name, table.poses, layers.pick("pose").path, "pose")
-    return None
+    name, path = layers.pick("pose")
+    if name is not None and name not in table.poses and not scope.doubts.lacks("poses"):
+        report_unmatched(scope, name, table.poses, path, "pose")
+    return name if name in table.poses else None
 
 
 def _poses(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[str, ...]:
@@ -365,9 +356,9 @@ def _actuators(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tup
         names = [name for name, _ in group]
         missing = [f"`{name}`" for name in names if name.path not in chosen]
         if 0 < len(missing) < len(names):
-            words = f"a mode uses only some drives of a differential, without {', '.join(missing)}"
+            message = f"a mode uses only some drives of a differential, without {', '.join(missing)}"
             help = "add the missing drives: the others cannot control all of its joints"
-            scope.report.warn(Code.TRANSMISSION, words, scope.origin(path), help=help, allow=True)
+            scope.report.warn(Code.TRANSMISSION, message, scope.origin(path), help=help, allow=True)
     return chosen
 
 
@@ -392,9 +383,8 @@ def driven_joints(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[s
     `patterns` contains pairs of a name or pattern and its path in the document.
     """
     joints = dict(table.all_joints())
-    driven = [name for name, joint in joints.items() if joint is not None and joint.drive is not None]
     coupled = [name for name, _ in coupled_drives(table)]
-    driven += coupled
+    driven = [*(name for name, joint in joints.items() if joint is not None and joint.drive is not None), *coupled]
     chosen: set[str] = set()
     for pattern, entry_path in patterns:
         if pattern in joints:
@@ -479,7 +469,7 @@ def _mode_of(node: ComponentScope, inner: DocumentScope, name: str) -> Mode | No
                 help=suggest(name, inner.spec.modes, what="modes"), notes=references.definition_note(inner),
             )
         return None
-    mode = _mode(inner, inner.scope, name, _layers(inner.scope, inner.spec.modes, name, _circular(inner.scope, inner.spec.modes)))
+    mode = _mode(inner, inner.scope, name, _names_in_cycles(inner.scope, inner.spec.modes))
     if mode is None:
         return None
     unsupported: Mapping[str, bool] = {

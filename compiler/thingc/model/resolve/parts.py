@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping
 from thingc.base.diagnostics import MAX_FAULTS, Code, Note
 from thingc.base.one_line_repr import format_count
 from thingc.base.safe_text import quote_names
-from thingc.base.source import Path, Span, line_of
+from thingc.base.source import Path, Span, format_path, line_of
 from thingc.base.suggestions import Hint, did_you_mean, near_hint, nearest
 from thingc.base.units import NUMBER, Quantity, shorten
 from thingc.documents.expressions.evaluation import ExpressionValue, format_value, kind_of
@@ -30,12 +30,24 @@ from thingc.geometry.record import (
 from thingc.model.resolve.document_scope import ComponentScope, ResolveRun
 from thingc.model.resolve.scope import Scope, TooManyErrors, dimension_message
 
-_FAILURES: Mapping[FailureKind, Code] = {
-    "missing": Code.PART_MISSING, "refused": Code.PART_REFUSED, "raised": Code.PART_RAISED, "hung": Code.PART_HUNG,
-    "crashed": Code.PART_CRASHED, "trespassed": Code.PART_WRITES, "swarmed": Code.PART_SWARMED, "starved": Code.PART_STARVED,
-    "empty": Code.PART_EMPTY, "invalid": Code.PART_INVALID, "resultless": Code.NO_RESULT, "stale": Code.LOCK_STALE,
-    "unlocked": Code.NOT_LOCKED, **dict.fromkeys(("unbounded", "absent"), Code.PART_INVALID),
+_WRITE_WHERE = "write files only to `tempfile.gettempdir()`, a temporary folder that is deleted when the part is finished"
+FAILURES: Mapping[FailureKind, tuple[Code, str, str]] = {
+    "raised": (Code.PART_RAISED, "raised an exception", "change the `params` of the component, or fix the part file"),
+    "hung": (Code.PART_HUNG, "took too long", "fix the part, or allow more time with `--part-timeout`"),
+    "crashed": (Code.PART_CRASHED, "crashed the interpreter", "change the `params` of the component, or the CAD calls in the part file"),
+    "trespassed": (Code.PART_WRITES, "writes files outside its own folder", _WRITE_WHERE),
+    "swarmed": (Code.PART_SWARMED, "starts too many processes", "start fewer processes, and wait for each process"),
+    "starved": (Code.PART_STARVED, "needs too much memory", "simplify the part, or raise `part_memory` in `thingc.toml`"),
+    "empty": (Code.PART_EMPTY, "has no volume", "return a solid from `result()`, or None for a part without geometry"),
+    "refused": (Code.PART_REFUSED, "is not allowed", "use a part from the `parts` folders or the `packages` of the workspace"),
+    "missing": (Code.PART_MISSING, "does not exist", "write `module:Class`, with a module in a part folder and a class in that module"),
+    "resultless": (Code.NO_RESULT, "has no shape", "add `def result(self):` that returns a shape, or None for a part without geometry"),
+    **dict.fromkeys(("invalid", "absent"), (Code.PART_INVALID, "is not valid", "fix the part file")),
+    "unbounded": (Code.PART_INVALID, "cannot be simplified to so few triangles", "increase `faces`"),
+    "stale": (Code.LOCK_STALE, "has changed", "run `thingc lock`, and commit `parts.lock.json`"),
+    "unlocked": (Code.NOT_LOCKED, "is not locked", "run `thingc lock`, and commit `parts.lock.json`"),
 }
+"""For each kind of failure: the diagnostic code, the end of the message after the name of the part, and the help text."""
 
 
 def of_code(context: ResolveRun, node: ComponentScope, reference: str) -> PartDefinition | None:
@@ -191,19 +203,19 @@ def _report_failure(context: ResolveRun, node: ComponentScope, reference: str, f
         return
     notes: list[Note] = []
     if failure.file is not None and failure.line is not None:
-        place = line_of(failure.file, failure.line)
-        notes.append(Note(message="location in the part file", span=place))
+        notes.append(Note(message="location in the part file", span=line_of(failure.file, failure.line)))
+    code, description, advice = FAILURES[failure.kind]
     help: Hint | None = None if failure.kind == "missing" else "fix the part file"
     message = f"part `{reference}`: {failure.message}"
     if failure.kind == "raised":
         message = f"part `{reference}` cannot be loaded: {failure.message}"
     elif failure.kind == "trespassed":
-        message = f"part `{reference}` writes files outside its own folder: {failure.message}"
+        message = f"part `{reference}` {description}: {failure.message}"
     elif failure.message.startswith(f"`{reference}`"):
         message = failure.message
         help = missing_hint(context, reference, failure) if failure.candidates else _reference_hint(context, reference)
     if failure.kind == "resultless":
-        message, help = failure.message, "add `def result(self):` that returns a shape, or None for a part without geometry"
+        message, help = failure.message, advice
     elif failure.kind in ("stale", "unlocked"):
         help = "run `thingc lock` on a machine that may run part code, and commit `parts.lock.json`"
     elif failure.kind == "refused":
@@ -211,10 +223,7 @@ def _report_failure(context: ResolveRun, node: ComponentScope, reference: str, f
         help = f"use a part from the part folders of the workspace{' or from the allowed packages: ' + allowed if allowed else ''}"
     elif failure.kind == "missing":
         help = missing_hint(context, reference, failure)
-    context.report.add(
-        _FAILURES[failure.kind], message, node.scope.span(path), help=help, path=f"{'.'.join(str(step) for step in path)}", notes=notes,
-        detail=failure.detail,
-    )
+    context.report.add(code, message, node.scope.span(path), help=help, path=format_path(path), notes=notes, detail=failure.detail)
 
 
 def _report_unloaded(context: ResolveRun, use: Span, reference: str, failure: PartFailure, file: str, line: int) -> None:

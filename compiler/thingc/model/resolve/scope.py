@@ -198,17 +198,19 @@ class Scope(FrozenStruct):
         x, y, z = (self.number(part, (*path, index), dimension, subject, least=least, most=most) for index, part in enumerate(raw))
         return None if x is None or y is None or z is None else (x, y, z)
 
-    def direction(self, raw: Any, path: Path, subject: str, code: Code, zero: str, example: str) -> Vector | None:
+    def direction(self, raw: Any, path: Path, subject: str, code: Code, zero: str = "", example: str = "[1, 0, 0]") -> Vector | None:
         """Evaluate a vector, such as an axis, and return it with length 1. A missing vector stays None.
 
         If the vector is invalid, report an error and return None. `code`, `zero` and `example` are the code and the message for a vector of
-        length 0, and the vector in its help text.
+        length 0 (by default a message with the `subject`), and the vector in its help text.
         """
         vector = self.vector(raw, path, NUMBER, subject)
-        size = 0.0 if vector is None else numeric.hypot(*vector)
-        if vector is None or size > 0.0:
-            return None if vector is None else (vector[0] / size, vector[1] / size, vector[2] / size)
-        self.error(code, zero, path, help=f"write, for example, `{example}`")
+        if vector is None:
+            return None
+        size = numeric.hypot(*vector)
+        if size > 0.0:
+            return (vector[0] / size, vector[1] / size, vector[2] / size)
+        self.error(code, zero or f"{subject} has length 0 and thus no direction", path, help=f"write, for example, `{example}`")
         return None
 
     def pose(self, spec: PoseSpec, path: Path) -> Pose | None:
