@@ -72,6 +72,7 @@ def test_command_line_expressions_may_use_parameters(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("option", "text", "said"), [
     ("reech", "1 mm", "TC803 (-p reech) `arm` has no parameter `reech` | did you mean `reach`?"),
     ("reach", "1 mm", "TC803 (-p reach) parameter `reach` must be at least 60 mm, found `1 mm`"),
+    ("reach", "0", "TC803 (-p reach) parameter `reach` must be at least 60 mm, found `0`"),  # 0 has every unit
     ("reach", "=half * 5", "TC803 (-p reach) parameters depend on each other in a cycle: `reach` -> `half` -> `reach`"
      " | give one of these parameters a value that does not depend on the others"),
     ("reach", "=tilt", "TC803 (-p reach) parameter `reach` of `arm` must be a length (such as 120 mm), found an angle (`30 deg`)"),

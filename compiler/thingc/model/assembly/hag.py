@@ -94,17 +94,14 @@ def hag_of(model: AssemblyDefinition) -> Hag:
         if not isinstance(definition, AssemblyDefinition):
             continue
         joints = {joint.child.path[0]: joint for joint in definition.joints if joint.child.path and not joint.loop}
-        inner: list[PartDefinition | LinkDefinition | AssemblyDefinition | None] = []
-        for component in definition.components:
-            if component.definition is None and not component.frame:
-                continue
+        components = [component for component in definition.components if component.definition is not None or component.frame]
+        for component in components:
             joint = joints.get(component.name)
             edges.append(DefinitionEdge(
                 parent=node.text, child=names.of(component.definition).text, component=component.name, mounts=_mounts(component, joint),
                 joint=joint.name.joint if joint is not None and component.placement is None else None,
             ))
-            inner.append(component.definition)
-        waiting.extend(reversed(inner))
+        waiting.extend(component.definition for component in reversed(components))
     return Hag(root=names.of(model).text, definitions=tuple(met), edges=tuple(edges))
 
 
@@ -119,14 +116,14 @@ class _Names:
         self._given: dict[tuple[str, str, str], Definition] = {}
         self._taken: set[str] = set()
 
-    def of(self, made: PartDefinition | LinkDefinition | AssemblyDefinition | None) -> Definition:
+    def of(self, definition: PartDefinition | LinkDefinition | AssemblyDefinition | None) -> Definition:
         """Return the graph node of an assembly, a part or a link, or the node of a frame for None."""
-        node = Definition.of(made) if made is not None else FRAME
+        node = Definition.of(definition) if definition is not None else FRAME
         key = (node.kind, node.reference, node.text)
         if key not in self._given:
-            where = f" [{node.reference}]" if node.text in self._taken else ""
-            self._given[key] = replace(node, text=node.text + where, label=node.label + where)
-            self._taken.add(node.text + where)
+            suffix = f" [{node.reference}]" if node.text in self._taken else ""
+            self._given[key] = replace(node, text=node.text + suffix, label=node.label + suffix)
+            self._taken.add(node.text + suffix)
         return self._given[key]
 
 
@@ -142,8 +139,7 @@ def _mounts(component: Component, joint: Joint | None) -> str:
 
 def _own(component: Component, reference: Reference) -> str:
     """Format a reference to a mount of a component without the name of the component."""
-    shown = _reference_text(reference)
-    return shown.removeprefix(f"{component.name}.")
+    return _reference_text(reference).removeprefix(f"{component.name}.")
 
 
 def _reference_text(reference: Reference) -> str:

@@ -144,7 +144,7 @@ def check_added_interfaces(assembly: Connected, measure: Callable[[Collection[st
 
 def mount_name(occurrence: Occurrence, mount: str) -> str:
     """Return the name of a mount as in the top document, such as `hand.cap.pen`."""
-    return mount.replace("/", ".") if "/" in mount else f"{occurrence.path}.{mount}".replace("/", ".")
+    return mount.replace("/", ".") if "/" in mount else f"{occurrence.name}.{mount}"
 
 
 def _copy_key(origin: Origin, *occurrences: Occurrence) -> tuple[Origin, str]:
@@ -174,9 +174,7 @@ def check_expectations(robot: Connected, placed_by_at: Collection[int], findings
             mates_at.setdefault((mate.parent, mate.parent_mount), []).append((mate.child, mate.child_mount))
             mates_at.setdefault((mate.child, mate.child_mount), []).append((mate.parent, mate.parent_mount))
     for owner in occurrences:
-        if owner.record is None:
-            continue
-        expected = owner.record.expectations
+        expected = owner.record.expectations if owner.record is not None else ()
         for expectation in expected:
             attached = [(occurrences[index], mount) for index, mount in mates_at.get((owner.index, expectation.mount), ())]
             if any(_is_expected(part, expectation, owner) and mount == expectation.child_mount for part, mount in attached):

@@ -109,11 +109,8 @@ def neighbourhood(count: int, mates: Sequence[Mate]) -> list[list[int]]:
     """Return the indices of the mates of each placed component. Mates that close loops are omitted, so the remaining mates form a tree."""
     neighbours: list[list[int]] = [[] for _ in range(count)]
     for number, mate in enumerate(mates):
-        if mate.loop is not None:
-            continue
-        neighbours[mate.parent].append(number)
-        if mate.child != mate.parent:
-            neighbours[mate.child].append(number)
+        for end in {mate.parent, mate.child} if mate.loop is None else ():
+            neighbours[end].append(number)
     return neighbours
 
 

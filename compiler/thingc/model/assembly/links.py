@@ -32,7 +32,7 @@ def connected_components(count: int, mates: Sequence[Mate]) -> tuple[int, ...]:
 
 
 class _Naming(FrozenStruct, kw_only=False):
-    """An entry of the section `links:`, with the name of a link and the occurrence that defines its frame."""
+    """The name of a link and the occurrence that defines its frame: an entry of the section `links:`, or the first occurrence."""
 
     name: str
     occurrence: int
@@ -57,24 +57,22 @@ def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate
     links: list[Link] = []
     taken: dict[str, Link] = {}
     for index, inside in enumerate(members):
-        naming = namings.get(index)
         first = occurrences[inside[0]]
-        frame = naming.occurrence if naming is not None else inside[0]
-        name = naming.name if naming is not None else first.path
+        naming = namings.get(index) or _Naming(first.path, first.index, 0, "", first.origin)
 
-        def lie(_: object, frame: int, inside: tuple[int, ...]) -> tuple[Pose, ...]:
+        def poses_in_link(_: object, frame: int, inside: tuple[int, ...]) -> tuple[Pose, ...]:
             at = forward_kinematics(mates, neighbours, frame, NO_POSE, {}, rigid=True)
             return tuple(at[k] for k in inside)
 
-        poses = memo(("poses", name), lie, rigid, frame, tuple(inside))
-        link = memo.same(("link", name), Link(
-            name=name, index=index, frame=frame, members=tuple(inside), poses=poses,
-            properties=memo(("weight", name), _sum_masses, tuple(occurrences[k].properties for k in inside), poses),
-            origin=naming.origin if naming is not None else first.origin,
+        poses = memo(("poses", naming.name), poses_in_link, rigid, naming.occurrence, tuple(inside))
+        link = memo.same(("link", naming.name), Link(
+            name=naming.name, index=index, frame=naming.occurrence, members=tuple(inside), poses=poses,
+            properties=memo(("weight", naming.name), _sum_masses, tuple(occurrences[k].properties for k in inside), poses),
+            origin=naming.origin,
         ))
         other = taken.setdefault(link.name, link)
         if other is not link:
-            _clash(other, link, named=naming is not None, occurrences=occurrences, findings=tree.findings)
+            _clash(other, link, named=index in namings, occurrences=occurrences, findings=tree.findings)
         links.append(link)
     return tuple(links)
 
@@ -95,21 +93,18 @@ def _namings(tree: Tree, link_of: Sequence[int]) -> dict[int, _Naming]:
     chosen: dict[int, _Naming] = {}
     for instance, definition in tree.assemblies:
         depth = instance.path.count("/") + 1 if instance.path else 0
-        for line in definition.links:
-            place = tree.component(instance, line.component)
+        for entry in definition.links:
+            place = tree.component(instance, entry.component)
             if place is None or place.index is None:
                 tree.findings.mark_incomplete()
                 continue
             link = link_of[place.index]
-            naming = _Naming(
-                name=instance.within(line.name), occurrence=place.index, depth=depth, document=instance.path,
-                origin=line.origin + instance.origin,
-            )
+            naming = _Naming(instance.within(entry.name), place.index, depth, instance.path, entry.origin + instance.origin)
             earlier = chosen.get(link)
             if earlier is not None and earlier.document == naming.document:
                 earlier_name = earlier.name.rsplit("/", 1)[-1]
                 tree.findings.error(
-                    Code.LINK_NAMED_TWICE, f"`{line.name}` and `{earlier_name}` name the same link: no joint separates their components",
+                    Code.LINK_NAMED_TWICE, f"`{entry.name}` and `{earlier_name}` name the same link: no joint separates their components",
                     naming.origin, path=naming.name, help="remove one of the two names",
                     notes=make_notes(f"`{earlier_name}` is defined here", earlier.origin),
                 )

@@ -91,15 +91,10 @@ def _solid(shape: LinkShape, material: Material | None, meshes: Meshes) -> Itera
 
 def _with_friction(shape: LinkShape, material: Material | None) -> Material | None:
     """Return the material of a shape. If the shape specifies a friction, the returned material has this friction."""
-    slide, torsion, roll = shape.friction
-    if shape.friction == (None, None, None):
+    specified = {key: value for key, value in zip(("slide", "torsion", "roll"), shape.friction, strict=True) if value is not None}
+    if not specified:
         return material
-    if material is None:
-        return Material(name="friction", density=None, slide=slide, torsion=torsion, roll=roll, origin=shape.origin)
-    return replace(
-        material, slide=material.slide if slide is None else slide, torsion=material.torsion if torsion is None else torsion,
-        roll=material.roll if roll is None else roll,
-    )
+    return replace(material or Material(name="friction", density=None, origin=shape.origin), **specified)
 
 
 def _mesh_surface(shape: LinkShape, file: MeshFile, record: MeshRecord, material: Material | None, color: str | None) -> Surface:
@@ -231,7 +226,7 @@ def warn_far(shapes: LinkDefinition, record: PartRecord | None, meshes: Meshes, 
         if box is None or isinstance(shape.solid, Primitive) and shape.solid.shape == "plane":
             continue
         sides = ((low, box[0]), (box[1], high))
-        distance = numeric.maximum([one - other for inner, outer in sides for one, other in zip(inner, outer, strict=True)])
+        distance = numeric.maximum([a - b for inner, outer in sides for a, b in zip(inner, outer, strict=True)])
         if distance > size:
             far, diagonal = (Quantity(float(f"{length:.3g}"), LENGTH) for length in (distance, size))
             findings.warn(

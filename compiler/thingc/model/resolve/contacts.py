@@ -24,9 +24,9 @@ MAX_EXCLUDED = 100_000
 
 def excluded_pairs(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[tuple[Reference, Reference], ...]:
     """Return the pairs of components whose contacts are ignored."""
-    said, path = contacts.pick("exclude")
+    entries, path = contacts.pick("exclude")
     pairs: dict[frozenset[tuple[str, ...]], tuple[Reference, Reference]] = {}
-    for index, entry in enumerate(said or ()):
+    for index, entry in enumerate(entries or ()):
         at = (*path, index)
         sides = [components_fitting(table, scope, text, (*at, side), scope.origin(at)) for side, text in enumerate(entry)]
         if len(pairs) + len(sides[0]) * len(sides[1]) > MAX_EXCLUDED:
@@ -50,7 +50,7 @@ def components_fitting(table: DocumentScope, scope: Scope, text: str, path: Path
         paths = [tuple(name.split(".")) for name, _ in references.matching(table, text)]
         if not paths and not table.unbuilt:
             scope.error(Code.NO_MATCH, f"pattern `{text}` matches no component", path, help=suggest(text, table.nodes, what="components"))
-    return [Reference(path=one, mount=None, origin=scope.origin(path) if origin is None else origin) for one in paths]
+    return [Reference(path=names, mount=None, origin=scope.origin(path) if origin is None else origin) for names in paths]
 
 
 def adhesions(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[tuple[Reference, float], ...]:
@@ -71,10 +71,10 @@ def pairs(
 
     Invalid pairs are reported and omitted. The pass `link` finds pairs that are listed twice.
     """
-    said, path = contacts.pick("pairs")
+    specs, path = contacts.pick("pairs")
     ignored = {frozenset((one.path, other.path)): one.origin for one, other in apart}
     found: list[ContactPair[Reference]] = []
-    for index, spec in enumerate(said or ()):
+    for index, spec in enumerate(specs or ()):
         at = (*path, index)
         for pair in _pairs_of(table, scope, spec, at):
             excluded_here = ignored.get(frozenset((pair.one.path, pair.other.path)))
@@ -111,20 +111,19 @@ def _pairs_of(table: DocumentScope, scope: Scope, spec: PairSpec, path: Path) ->
 
 def groups(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[ContactGroup[Reference], ...]:
     """Return the contact groups of a mode. Unknown names of groups are reported. The pass `link` finds components in two groups."""
-    said, path = contacts.pick("groups")
-    said = said or {}
-    made: list[ContactGroup[Reference]] = []
-    for name, spec in said.items():
+    specs, path = contacts.pick("groups")
+    found: list[ContactGroup[Reference]] = []
+    for name, spec in (specs or {}).items():
         at = (*path, name)
         if name == OTHERS:
-            what = f"`{OTHERS}` is the group of all components without a group"
-            scope.error(Code.RESERVED_NAME, what, at, key=True, help="rename the group")
+            message = f"`{OTHERS}` is the group of all components without a group"
+            scope.error(Code.RESERVED_NAME, message, at, key=True, help="rename the group")
         for index, other in enumerate(spec.collide):
-            if other not in said and other != OTHERS:
+            if other not in (*specs, OTHERS):
                 scope.error(
                     Code.CONTACTS, f"there is no contact group `{other}`", (*at, "collide", index),
-                    help=suggest(other, (*said, OTHERS), what="contact groups"),
+                    help=suggest(other, (*specs, OTHERS), what="contact groups"),
                 )
         listed = (components_fitting(table, scope, text, (*at, "components", index)) for index, text in enumerate(spec.components))
-        made.append(ContactGroup(name=name, members=tuple(chain.from_iterable(listed)), collides=tuple(spec.collide)))
-    return tuple(made)
+        found.append(ContactGroup(name=name, members=tuple(chain.from_iterable(listed)), collides=tuple(spec.collide)))
+    return tuple(found)

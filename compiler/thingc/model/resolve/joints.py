@@ -146,7 +146,7 @@ def _coordinates(
     for key in ("limit", "dynamics", "drive", "offset", "mimic"):
         setting = getattr(item.spec, key)
         is_list = isinstance(setting, (list, dict))
-        indices = [] if not is_list else map(int, setting) if isinstance(setting, dict) else range(len(setting))
+        indices: Iterable[int] = map(int, setting) if isinstance(setting, dict) else range(len(setting) if is_list else 0)
         if setting is None or key not in item.spec.model_fields_set or (is_list == (count > 1) and all(n < count for n in indices)):
             continue
         if count > 1:

@@ -51,8 +51,8 @@ class LinkShape(OneLineRepr):
         return self.solid.path if isinstance(self.solid, MeshFile) else self.solid.shape
 
     @property
-    def said(self) -> tuple[object, ...]:
-        """Return all properties of the shape as plain values. The text of the link's definition is computed from these values."""
+    def content(self) -> tuple[object, ...]:
+        """All properties of the shape as plain values. The text of the link's definition is computed from these values."""
         solid, material = self.solid, self.material.name if self.material is not None else None
         pose = self.pose if isinstance(solid, MeshFile) else solid.pose
         shape = (solid.path, *solid.content) if isinstance(solid, MeshFile) else (solid.shape, solid.size)
@@ -101,6 +101,6 @@ def link_of(shapes: tuple[LinkShape, ...]) -> LinkDefinition:
     """Create the definition of a link from a list of shapes."""
     if not shapes:
         return LinkDefinition(shapes=(), text="link", label="link")
-    digest = hashlib.sha256(repr([one.said for one in shapes]).encode()).hexdigest()[:12]
-    listed = ", ".join(one.word for one in shapes) if len(shapes) <= NAMED else format_count(len(shapes), "shape")
+    digest = hashlib.sha256(repr([shape.content for shape in shapes]).encode()).hexdigest()[:12]
+    listed = ", ".join(shape.word for shape in shapes) if len(shapes) <= NAMED else format_count(len(shapes), "shape")
     return LinkDefinition(shapes=shapes, text=f"link-{digest}", label=f"link ({listed})")

@@ -105,11 +105,11 @@ def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Materia
         density = scope.number(spec.density, (*path, "density"), DENSITY, f"the density of `{name}`", above=0.0, most=DENSEST)
         wrong = density is None
     slide, torsion, roll = friction(scope, spec.friction, (*path, "friction"))
-    made = process(scope, DefaultLayers(((spec, path),)).sub("process")) if spec.process is not None else None
+    of_material = process(scope, DefaultLayers(((spec, path),)).sub("process")) if spec.process is not None else None
     return Material(
         name=name, density=_STAND_IN if wrong and density is None else density, color=spec.color or base_color, slide=slide,
-        price_per_kg=spec.price_per_kg, torsion=torsion, roll=roll, process=made, origin=scope.origin(path, key=True),
-        process_origin=scope.origin((*path, "process")) if made is not None else (),
+        price_per_kg=spec.price_per_kg, torsion=torsion, roll=roll, process=of_material, origin=scope.origin(path, key=True),
+        process_origin=scope.origin((*path, "process")) if of_material is not None else (),
         density_origin=scope.origin((*path, "density" if spec.density is not None else "base")) if density is not None else (),
     )
 
@@ -131,15 +131,15 @@ def process(scope: Scope, layers: DefaultLayers) -> Process:
 
     A missing setting is replaced by its default in `layers`. Invalid settings are reported and omitted.
     """
-    said = {key: layers.pick(key) for key in ProcessSpec.model_fields}
-    values: dict[str, Any] = {key: said[key].value for key in ("kind", "estimate")}
-    values |= {key: scope.count(*said[key], f"`{key}`") for key in ("walls", "top", "bottom")}
-    values |= {key: scope.number(*said[key], dimension, f"`{key}`", above=0.0) for key, dimension in _ABOVE_ZERO.items()}
+    settings = {key: layers.pick(key) for key in ProcessSpec.model_fields}
+    values: dict[str, Any] = {key: settings[key].value for key in ("kind", "estimate")}
+    values |= {key: scope.count(*settings[key], f"`{key}`") for key in ("walls", "top", "bottom")}
+    values |= {key: scope.number(*settings[key], dimension, f"`{key}`", above=0.0) for key, dimension in _ABOVE_ZERO.items()}
     for key, bounds in (("infill", (0.0, 1.0)), ("overlap", (0.0, 1.0)), ("bridge_flow", BRIDGE_FLOWS)):
-        values[key] = _share(scope, *said[key], key, *bounds)
-    origins = {key: scope.origin(setting.path) for key, setting in said.items() if setting}
-    left_out = {key for key in values for _, path in layers.items if scope.doubts.touch((*path, key))}
-    wrong = frozenset(key for key, value in values.items() if value is None and (key in origins or key in left_out))
+        values[key] = _share(scope, *settings[key], key, *bounds)
+    origins = {key: scope.origin(setting.path) for key, setting in settings.items() if setting}
+    removed = {key for key in values for _, path in layers.items if scope.doubts.touch((*path, key))}
+    wrong = frozenset(key for key, value in values.items() if value is None and (key in origins or key in removed))
     return Process(**values, origins=origins, wrong=wrong)
 
 

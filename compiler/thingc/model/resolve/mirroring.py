@@ -60,14 +60,14 @@ def _mirror_cached(definition: AssemblyDefinition, axis: str, met: dict[int, Ass
     if id(definition) not in met:
         met[id(definition)] = replace(
             definition, text=with_mirror(definition.text, axis), label=with_mirror(definition.label, axis), mirror=axis, plain=definition,
-            components=tuple(_component(one, axis, met) for one in definition.components),
-            joints=tuple(_mirror_joint(one) for one in definition.joints),
+            components=tuple(_component(component, axis, met) for component in definition.components),
+            joints=tuple(map(_mirror_joint, definition.joints)),
         )
     return met[id(definition)]
 
 
-def _component(one: Component, axis: str, met: dict[int, AssemblyDefinition]) -> Component:
-    definition, bom = one.definition, one.bom
+def _component(component: Component, axis: str, met: dict[int, AssemblyDefinition]) -> Component:
+    definition, bom = component.definition, component.bom
     if isinstance(definition, PartDefinition):
         bom = replace(bom, number=None)  # the order number of the part does not apply to its mirror image
     if isinstance(definition, PartDefinition | LinkDefinition):
@@ -75,19 +75,20 @@ def _component(one: Component, axis: str, met: dict[int, AssemblyDefinition]) ->
     elif definition is not None:
         definition = _mirror_cached(definition, axis, met)
     return replace(
-        one, definition=definition, bom=bom, image_of=one, overrides=_overrides(one.overrides, axis),
-        placement=_placement(one.placement) if one.placement is not None else None,
-        mounts={name: mount.mirror_image(axis) for name, mount in one.mounts.items()},
+        component, definition=definition, bom=bom, image_of=component, overrides=_overrides(component.overrides, axis),
+        placement=_placement(component.placement) if component.placement is not None else None,
+        mounts={name: mount.mirror_image(axis) for name, mount in component.mounts.items()},
     )
 
 
-def _overrides(said: Overrides, axis: str) -> Overrides:
+def _overrides(overrides: Overrides, axis: str) -> Overrides:
     mirror = Mirror(axis)
+    x, y, z = mirror.signs
     return replace(
-        said, shapes=_shapes(said.shapes, axis), com=_mirror_stated(said.com, mirror.signs),
-        up=mirror.vector(said.up) if isinstance(said.up, tuple) else said.up,
-        targets={name: replace(choice, shapes=_shapes(choice.shapes, axis)) for name, choice in said.targets.items()},
-        inertia=_mirror_stated(said.inertia, (1.0, 1.0, 1.0, *(mirror.signs[i] * mirror.signs[j] for i, j in ((0, 1), (0, 2), (1, 2))))),
+        overrides, shapes=_shapes(overrides.shapes, axis), com=_mirror_stated(overrides.com, mirror.signs),
+        up=mirror.vector(overrides.up) if isinstance(overrides.up, tuple) else overrides.up,
+        targets={name: replace(choice, shapes=_shapes(choice.shapes, axis)) for name, choice in overrides.targets.items()},
+        inertia=_mirror_stated(overrides.inertia, (1.0, 1.0, 1.0, x * y, x * z, y * z)),
     )
 
 

@@ -223,21 +223,21 @@ def _bounds(scope: Scope, spec: AssemblySpec, name: str) -> dict[str, Quantity]:
 
 def _check_bounds(scope: Scope, spec: AssemblySpec, name: str, value: ExpressionValue, complain: Complain) -> bool:
     """Return whether a value is within the bounds `min` and `max` of its parameter. A value out of bounds is reported."""
-    if not isinstance(value, Quantity):
-        return True
-    for key, bound in _bounds(scope, spec, name).items():
-        if bound.fits(value.dimension) and _violates(key, value, bound):
-            rule = "at least" if key == "min" else "at most"
-            complain(
-                name, Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule} {bound}, found `{value}`",
-                notes=[Note(message="the bound is set here", span=scope.span(("parameters", name, key)))],
-            )
-            return False
-    return True
+    fault = _violated_bound(value, _bounds(scope, spec, name)) if isinstance(value, Quantity) else None
+    if fault is not None:
+        key, rule = fault
+        note = Note(message="the bound is set here", span=scope.span(("parameters", name, key)))
+        complain(name, Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule}, found `{value}`", notes=[note])
+    return fault is None
 
 
-def _violates(key: str, value: Quantity, bound: Quantity) -> bool:
-    return value.value < bound.value if key == "min" else value.value > bound.value
+def _violated_bound(value: Quantity, bounds: Mapping[str, Quantity]) -> tuple[str, str] | None:
+    """Return the key of the bound that a value violates, `min` or `max`, and the rule for the message, such as `at least 5 mm`, or None."""
+    for key, bound in bounds.items():
+        comparable = bound.fits(value.dimension) or value.fits(bound.dimension)
+        if comparable and (value.value < bound.value if key == "min" else value.value > bound.value):
+            return key, f"at {'least' if key == 'min' else 'most'} {bound}"
+    return None
 
 
 def check_bounds(scope: Scope, spec: AssemblySpec, names: Iterable[str]) -> set[str]:
@@ -287,13 +287,12 @@ def _check_own_bounds(scope: Scope, name: str, entry: ParameterSpec, bounds: dic
             help="swap `min` and `max`", notes=[Note(message="`max` is set here", span=scope.span((*path, "max")))],
         )
         return
-    for key, bound in bounds.items():
-        if _violates(key, value, bound):
-            rule = "at least" if key == "min" else "at most"
-            scope.error(
-                Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule} {bound}, found {scope.format_value(value, value_path)}", value_path,
-                notes=[Note(message="the bound is set here", span=scope.span((*path, key)))],
-            )
+    fault = _violated_bound(value, bounds)
+    if fault is not None:
+        key, rule = fault
+        note = Note(message="the bound is set here", span=scope.span((*path, key)))
+        found = scope.format_value(value, value_path)
+        scope.error(Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule}, found {found}", value_path, notes=[note])
 
 
 def from_command_line(

@@ -154,10 +154,9 @@ def _set(scope: Scope, joints: Joints, names: list[CoordinateName], raw: Any, pa
         coordinate, notes, key = joint.twist.coordinate if joint.twist is not None else None, joint.definition_note(name), True
         help: str | None
         if joint.kind.at_once:
-            message, notes = f"joint `{name.joint}` is {joint.kind.words}: a pose cannot set a single coordinate", joint.definition_note(
-                name.joint,
-            )
+            message = f"joint `{name.joint}` is {joint.kind.words}: a pose cannot set a single coordinate"
             help = f"write, for example, `{name.joint}: {_EXAMPLE[joint.kind.free]}`"
+            notes = joint.definition_note(name.joint)
         elif coordinate is None:
             message, help = f"joint `{name}` is {joint.kind.name} and has no coordinate to set", "remove the joint from the pose"
         elif joint.mimic is not None:
@@ -235,27 +234,20 @@ def _apply_nested_pose(table: DocumentScope, scope: Scope, key: str, pose: str, 
         notes = references.declaration_note(matched[0][1]) if matched else []
         scope.error(code, message, path, key=True, help=suggest(key, candidates, what=nouns), notes=notes)
         return
-    lacking: list[str] = []
     for name, node in assemblies:
         inner = node.table
         if inner is None:
             continue
-        if pose not in inner.spec.poses:
-            if inner.doubts.lacks("poses"):
-                continue
-            lacking.append(name)
-            if len(lacking) == 1:
-                scope.error(
-                    Code.UNKNOWN_POSE, f"`{name}` (`{inner.document.relative}`) has no pose `{pose}`", path,
-                    help=suggest(pose, inner.spec.poses, what="poses"), notes=references.definition_note(inner),
-                )
-            continue
+        if pose not in inner.spec.poses and not inner.doubts.lacks("poses"):
+            scope.error(  # only the first error at `path` is reported
+                Code.UNKNOWN_POSE, f"`{name}` (`{inner.document.relative}`) has no pose `{pose}`", path,
+                help=suggest(pose, inner.spec.poses, what="poses"), notes=references.definition_note(inner),
+            )
         inner_pose = inner.poses.get(pose)
-        if inner_pose is None:
-            continue
-        prefix = name.replace(".", "/")
-        for joint, q in inner_pose.values.items():
-            settings[f"{prefix}/{joint}"] = (q, (*inner_pose.origins[joint], *scope.origin(path)))
+        if inner_pose is not None:
+            prefix = name.replace(".", "/")
+            for joint, q in inner_pose.values.items():
+                settings[f"{prefix}/{joint}"] = (q, (*inner_pose.origins[joint], *scope.origin(path)))
 
 
 def _report_unknown(table: DocumentScope, scope: Scope, joints: Joints, key: str, path: Path) -> None:
@@ -272,8 +264,8 @@ def _report_unknown(table: DocumentScope, scope: Scope, joints: Joints, key: str
     names: list[str] = [*_settable_joints(joints)]
     if node is not None and "." not in key:
         if node.table is not None:
-            message, help = f"`{key}` is a nested assembly: its value must be the name of one of its poses", suggest(
-                "", node.table.spec.poses, what="poses")
+            message = f"`{key}` is a nested assembly: its value must be the name of one of its poses"
+            help = suggest("", node.table.spec.poses, what="poses")
         else:
             message, help = f"`{key}` is a component, not a joint", suggest(key, names, what="joints")
         scope.error(Code.POSE, message, path, key=True, help=help, notes=references.declaration_note(node))
@@ -286,6 +278,6 @@ def _report_unknown(table: DocumentScope, scope: Scope, joints: Joints, key: str
         )
         return
     names.extend(prefix[:-1] for prefix in table.unbuilt_joints if prefix)
-    beside = [name for name in names if name.startswith(f"{first}.")] if "." in key else names
-    help = suggest(key, beside or names, what="joints")
+    of_assembly = [name for name in names if name.startswith(f"{first}.")] if "." in key else []
+    help = suggest(key, of_assembly or names, what="joints")
     scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{key}`", path, key=True, help=help)

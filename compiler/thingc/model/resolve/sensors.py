@@ -37,11 +37,15 @@ def sensors(table: DocumentScope, scope: Scope, tendons: Sequence[Tendon]) -> It
 
 
 class _Reader:
-    """Resolves the references and values of one sensor. `sound` is True as long as no error has been reported."""
+    """Resolves the references and values of one sensor. `sound` is True as long as no error has been reported.
+
+    `coordinate` is the name of the measured joint coordinate. By default, it is the name of the sensor.
+    """
 
     def __init__(self, table: DocumentScope, scope: Scope, name: str, spec: SensorSpec) -> None:
         self.table, self.scope, self.name, self.spec = table, scope, name, spec
         self.path: Path = ("sensors", name)
+        self.coordinate = CoordinateName(spec.joint if spec.joint is not None else name)
         self.sound = True
 
     def sensor(self, tendons: Mapping[str, Tendon]) -> Sensor | None:
@@ -64,10 +68,10 @@ class _Reader:
         noise, cutoff = self._numbers("noise", spec.noise, of), self._numbers("cutoff", spec.cutoff, of)
         reach = self.scope.number(spec.range, (*self.path, "range"), LENGTH, f"`range` of sensor `{self.name}`", above=0.0)
         cutoff = cutoff if reach is None else {"distance": reach}
-        named = None if joint is None else CoordinateName(spec.joint if spec.joint is not None else self.name)
         return Sensor(
-            name=self.name, kind=spec.type, at=mount, seen_from=seen_from, joint=None if named is None else named.path, tendon=spec.tendon,
-            touching=touching, volume=volume, fovy=fovy, noise=noise, cutoff=cutoff, origin=self.scope.origin(self.path, key=True),
+            name=self.name, kind=spec.type, at=mount, seen_from=seen_from, joint=None if joint is None else self.coordinate.path,
+            tendon=spec.tendon, touching=touching, volume=volume, fovy=fovy, noise=noise, cutoff=cutoff,
+            origin=self.scope.origin(self.path, key=True),
         )
 
     def _mount(self, key: str, text: str | None) -> Reference | None:
@@ -100,11 +104,11 @@ class _Reader:
         if written is None:
             return {}
         able: dict[ReadingName, Dimension] = {}
-        for one in SENSORS[self.spec.type].readings:
-            if isinstance(one.unit, str) and of is not None:
-                able[one.name] = dimensions_of(of)[one.unit]
-            elif isinstance(one.unit, Dimension):
-                able[one.name] = one.unit
+        for reading in SENSORS[self.spec.type].readings:
+            if isinstance(reading.unit, str) and of is not None:
+                able[reading.name] = dimensions_of(of)[reading.unit]
+            elif isinstance(reading.unit, Dimension):
+                able[reading.name] = reading.unit
         place: Path = (*self.path, key)
         if not isinstance(written, Mapping):
             if len(able) > 1:
@@ -162,43 +166,39 @@ class _Reader:
         )
 
     def _joint(self) -> Joint | None:
-        """Return the joint coordinate that a sensor measures, or the coordinate of the drive that it measures.
-
-        The key `joint` of the sensor names the measured joint. By default, the joint with the same name as the sensor is measured.
-        """
-        spec, unnamed = self.spec, self.spec.joint is None
-        wanted = CoordinateName(spec.joint if spec.joint is not None else self.name)
-        place: Path = (*self.path, "joint") if spec.joint is not None else self.path
-        joint = self._coordinate(wanted, place, unnamed)
-        if joint is not None and spec.type == "drive" and joint.drive is None and not undriven_reported(self.table, joint):
-            self._report_undriven("joint", wanted, place, key=unnamed)
+        """Return the joint coordinate that a sensor measures, or the coordinate of the drive that it measures."""
+        unnamed = self.spec.joint is None
+        place: Path = self.path if unnamed else (*self.path, "joint")
+        joint = self._find_joint(place, unnamed)
+        if joint is not None and self.spec.type == "drive" and joint.drive is None and not undriven_reported(self.table, joint):
+            self._report_undriven("joint", self.coordinate, place, key=unnamed)
             joint = None
         self.sound &= joint is not None
         return joint
 
-    def _coordinate(self, wanted: CoordinateName, place: Path, unnamed: bool) -> Joint | None:
-        table, scope = self.table, self.scope
+    def _find_joint(self, place: Path, unnamed: bool) -> Joint | None:
+        table, scope, name = self.table, self.scope, self.coordinate
         joints = dict(table.all_joints())
-        moving = [one for one, joint in joints.items() if joint is not None and joint.twist is not None]
-        balls = (joint for one, joint in joints.items() if one.joint == wanted.joint and joint is not None and joint.kind.at_once)
+        balls = (joint for other, joint in joints.items() if other.joint == name.joint and joint is not None and joint.kind.at_once)
         ball = next(balls, None)
         if ball is not None and self.spec.type == "joint":
             scope.error(
-                Code.JOINT_FIELD, f"joint `{wanted.joint}` is {ball.kind.words}: it has no single coordinate to measure", place,
+                Code.JOINT_FIELD, f"joint `{name.joint}` is {ball.kind.words}: it has no single coordinate to measure", place,
                 key=unnamed, help="use a joint with one coordinate, or an `imu` on its child",
             )
             return None
-        if wanted not in joints:
+        if name not in joints:
             if not table.may_lack_joints():
-                help = suggest(wanted, moving, what="joints")
+                moving = [other for other, joint in joints.items() if joint is not None and joint.twist is not None]
+                help = suggest(name, moving, what="joints")
                 if unnamed and moving:
                     help = f"{help}; set `joint: ...`"
-                scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{wanted}`", place, key=unnamed, help=help)
+                scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{name}`", place, key=unnamed, help=help)
             return None
-        joint = joints[wanted]
+        joint = joints[name]
         if joint is not None and joint.twist is None:
             scope.error(
-                Code.JOINT_FIELD, f"joint `{wanted}` is {joint.kind.name} and does not move: it has nothing to measure", place,
+                Code.JOINT_FIELD, f"joint `{name}` is {joint.kind.name} and does not move: it has nothing to measure", place,
                 key=unnamed, help="use a joint that moves, or a `force` sensor at one of its mounts",
             )
             return None

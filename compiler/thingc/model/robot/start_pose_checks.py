@@ -146,7 +146,7 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
         _warn(
             group, Code.START_LIMITS, f"starts without a pose, which puts `{first.path}` at 0, outside its limits {' to '.join(ends)}",
             first.path, first.origin, report, more=[joint.path for joint in more[:3]],
-            help=f"add a `pose` to the mode, with a value for `{first.path.replace('/', '.')}`",
+            help=f"add a `pose` to the mode, with a value for `{first.name}`",
         )
 
 
@@ -172,14 +172,14 @@ def _check_poses(robots: Sequence[Robot], report: Report) -> None:
         moved = {path: by for path, by in frames[pose.name].moved.items() if path in joints and abs(by) > MOVED[joints[path].twist.turns]}
         if not moved or report.allows(Code.POSE_MOVED, pose.origin):
             continue
-        path, *more = sorted(moved, key=lambda one: -abs(moved[one]))
+        path, *more = sorted(moved, key=lambda path: -abs(moved[path]))
         old, new = (joints[path].twist.format(value) for value in (pose.values[path], pose.values[path] + moved[path]))
         lost = ", too far for a keyframe" if isinstance(frames[pose.name], Unclosed) else ""
         others = f" ({format_count(len(more), 'other value')} of the pose must also change)" if more else ""
         report.warn(
             Code.POSE_MOVED, f"pose `{pose.name}` sets `{path}` to {old}, but the loops of the robot close only at {new}{lost}{others}",
             pose.origins[path], path=pose.name,
-            help=f"write `{path.replace('/', '.')}: {new}`, or remove joints from the pose, so that thingc can move them",
+            help=f"write `{joints[path].name}: {new}`, or remove joints from the pose, so that thingc can move them",
             allow=True,
         )
 
