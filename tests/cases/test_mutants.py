@@ -26,7 +26,6 @@ from thingc.geometry.record import PartFailure, PartRecord
 from thingc.geometry.service import GeometryService
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.linking import link
-from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.resolver import Settings, Sources, resolve
 from thingc.model.robot.spanning_tree import root
 
@@ -68,7 +67,7 @@ class Arm:
             assert whole.report.diagnostics == [] and whole.assembly is not None and whole.documents is not None
             self.document: Document = whole.documents.root
             self.records: Mapping[str, PartRecord | PartFailure] = environment.geometry.realize(
-                part_definitions(whole.assembly.definition)
+                whole.assembly.definition.part_definitions()
             )
 
     def said(self, text: str) -> tuple[list[Diagnostic], bool]:
@@ -87,7 +86,7 @@ class Arm:
             model = resolve(sources, Settings(), report)
         if model is None:
             return report.sorted_diagnostics(), True
-        texts = {definition.text for definition in part_definitions(model)}
+        texts = {definition.text for definition in model.part_definitions()}
         if not texts <= set(self.records):
             return report.sorted_diagnostics(), False
         assembly = link(model, {text: self.records[text] for text in texts}, report)

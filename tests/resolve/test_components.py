@@ -13,7 +13,6 @@ from msgspec.structs import replace
 from resolve.resolving import run
 from thingc.base.diagnostics import Code
 from thingc.geometry.record import PartDefinition
-from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.types import At, Attach, BomEntry, Overrides, Process
 
 ARM = """
@@ -208,7 +207,7 @@ def test_file_parts_are_resolved(tmp_path: Path) -> None:
           a: {file: ../cad/motor.STEP, mounts: {shaft: {}}}
           b: {file: ../robots/../cad/motor.STEP, attach: {shaft: a.shaft}, mounts: {shaft: {}}}
         """})
-    definitions = part_definitions(outcome.good)
+    definitions = outcome.good.part_definitions()
     assert definitions == (
         PartDefinition(reference="cad/motor.STEP", kind="file", parameters=(), text="cad/motor.STEP", label="cad/motor.STEP"),
     )
@@ -248,7 +247,7 @@ def test_part_definitions_are_unique_and_in_document_order(tmp_path: Path) -> No
               pen: {part: "arm:Brace", params: {length: 20 mm}, attach: {a: cap.x}}
             """,
     })
-    assert [d.text for d in part_definitions(outcome.good)] == ["arm:Brace", "arm:Plate", "arm:Brace(length=0.02)", "arm:Servo"]
+    assert [d.text for d in outcome.good.part_definitions()] == ["arm:Brace", "arm:Plate", "arm:Brace(length=0.02)", "arm:Servo"]
     assert outcome.component("first").definition is outcome.component("same").definition
 
 

@@ -16,7 +16,6 @@ from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.driver.pipeline import Compilation, UnknownChoice
 from thingc.driver.session import Session
-from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.resolver import Settings
 from thingc.targets.artifact import Loss, StoredArtifact
 
@@ -245,7 +244,7 @@ def test_documents_are_resolved_before_parts_are_built(rig: Path, tmp_path: Path
             model = pipeline.model(session.environment, session.sources, Settings(parameters={"width": width}), report)
             assert [one.message for one in report.diagnostics] == ([] if message is None else [message])
             assert message is not None or model is not None and "blocks:Block(width=0.04)" in {
-                one.text for one in part_definitions(model)
+                one.text for one in model.part_definitions()
             }
         assert session.environment.geometry.modelled == [] == session.environment.geometry.reused
 

@@ -29,7 +29,6 @@ from thingc.driver.session import Session
 from thingc.driver.settings import ParsedSettings, SettingsReader
 from thingc.geometry.record import PartDefinition
 from thingc.model.assembly.linking import link
-from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.resolver import Settings, Sources
 
 SHOWN = 5
@@ -114,7 +113,7 @@ class Resolving(Session):
         assert sources is not None
         model = pipeline.model(environment, sources, settings, report)
         if model is not None:
-            if dependent := [part for part in part_definitions(model) if numbers_of(part)]:
+            if dependent := [part for part in model.part_definitions() if numbers_of(part)]:
                 raise PartDependsOnNumber(dependent[0])
             link(model, {}, report, unmodelled=True)
         return Compilation(settings=settings, report=report, model=model)
@@ -144,7 +143,7 @@ class Resolution(Evaluation):
 
     def _results(self, compilation: Compilation, memo: Memo | None = None) -> Results:
         assert compilation.model is not None
-        parts = {part.text: part for part in part_definitions(compilation.model)}
+        parts = {part.text: part for part in compilation.model.part_definitions()}
         self.parts.update(parts)
         return {"parts": float(len(parts))}
 

@@ -296,7 +296,6 @@ def _run_passes(
     from thingc.model.assembly.mass import likely_slicings, slicings_of
     from thingc.model.assembly.shape_links import listed_meshes, with_pieces
     from thingc.model.resolve.mirroring import with_own_images
-    from thingc.model.resolve.nested_assemblies import find_decompositions, part_definitions
     from thingc.model.resolve.resolver import resolve, resolve_materials
     from thingc.model.robot.floor_height import stand
     from thingc.model.robot.spanning_tree import root
@@ -319,8 +318,8 @@ def _run_passes(
         return compilation
     if not report.failed:
         _require_modes(modes, model, documents)
-    definitions = part_definitions(model)
-    records = parts.realize(definitions, find_decompositions(model), partial(likely_slicings, model, sources.schemas))
+    definitions = model.part_definitions()
+    records = parts.realize(definitions, model.decompositions(), partial(likely_slicings, model, sources.schemas))
     model = with_own_images(model, records)
     records = parts.slice(definitions, records, slicings_of(model, records))
     environment.report_lock_gaps(report)

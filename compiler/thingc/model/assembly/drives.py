@@ -15,8 +15,8 @@ from thingc.geometry.record import ActuatorRecord
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import ActuatorModel, JointEdge
-from thingc.model.resolve.coordinates import Coordinate, CoordinateName, Limit
-from thingc.model.resolve.types import Drive, DriveValues, Joint, Reference
+from thingc.model.resolve.coordinates import Coordinate, CoordinateName, DriveValues, Limit
+from thingc.model.resolve.types import Drive, Joint, Reference
 
 _INLINE = {True: "`drive: {kind: position, kp: 20 N*m/rad}`", False: "`drive: {kind: position, kp: 200 N/m}`"}
 """Example of an inline drive in a document, for an angle and for a length."""

@@ -17,7 +17,6 @@ from thingc.base.inertia import ZERO, MassProperties
 from thingc.base.pose import Matrix
 from thingc.geometry.print_slices import LikelySlicing, SliceResult, Slicing
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
-from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.resolve.types import AssemblyDefinition, Component, Material, Overrides, Process
 
 NOTHING = MassProperties(mass=0.0)
@@ -174,7 +173,7 @@ def likely_slicings(model: AssemblyDefinition, schemas: Mapping[str, PartSchema 
 
 def _parts(model: AssemblyDefinition) -> Iterator[tuple[PartDefinition, Component, AssemblyDefinition]]:
     """Yield the distinct parts of each assembly, with their components."""
-    for scope in assemblies_of(model):
+    for scope in model.assemblies():
         for component in scope.components:
             if isinstance(component.definition, PartDefinition):
                 yield component.definition, component, scope

@@ -19,7 +19,6 @@ from thingc.model.assembly.mass import NOTHING, MassResult, with_overrides
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Listed, Surface
 from thingc.model.resolve.link_definition import LinkDefinition, LinkShape
-from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.resolve.types import AssemblyDefinition, Component, Material, Overrides
 
 Meshes = Mapping[MeshFile, MeshRecord]
@@ -187,7 +186,7 @@ def listed_meshes(model: AssemblyDefinition, *, drawn: bool) -> dict[MeshFile, t
 
 def _mesh_shapes(model: AssemblyDefinition) -> Iterator[tuple[Component, LinkShape, MeshFile]]:
     """Yield each mesh file that documents list, with its component and shape: a shape of a link, or a collision shape of a part."""
-    for component in (component for assembly in assemblies_of(model) for component in assembly.components):
+    for component in (component for assembly in model.assemblies() for component in assembly.components):
         for listed in (component.definition, *(choice.shapes for choice in component.overrides.choices.values())):
             for shape in listed.shapes if isinstance(listed, LinkDefinition) else ():
                 if isinstance(shape.solid, MeshFile):

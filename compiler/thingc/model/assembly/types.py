@@ -21,7 +21,7 @@ from thingc.geometry.record import DriveType, Mesh, MountRecord, PartRecord
 from thingc.model.assembly.hag import Definition, Hag, hag_of
 from thingc.model.assembly.report import written_at
 from thingc.model.resolve import types as resolved
-from thingc.model.resolve.coordinates import Coordinate
+from thingc.model.resolve.coordinates import Coordinate, DriveValues
 
 
 class Surface(OneLineRepr, FrozenStruct):
@@ -208,7 +208,7 @@ class Occurrence(PartInstance):
         return self.listed.box if self.listed is not None else self.record.box if self.record is not None else None
 
 
-class ActuatorModel(resolved.DriveValues):
+class ActuatorModel(DriveValues):
     """A drive of a joint or tendon. Missing values come from the actuator of the Thing.
 
     `name` is the name of the drive in output files if it differs from the name of the joint. `transmission` is the path of the transmission

@@ -27,7 +27,6 @@ from thingc.model.resolve.mimics import mimics
 from thingc.model.resolve.modes import modes, place_in_modes, simulation, step_origin
 from thingc.model.resolve.motions import motions
 from thingc.model.resolve.names import names
-from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.resolve.parameters import canonical, check_bounds, declared_parameters, evaluate_parameters
 from thingc.model.resolve.placement import Places, check, own_placements
 from thingc.model.resolve.poses import poses
@@ -210,7 +209,7 @@ def _omitted_details(scope: Scope, detail: DetailSpec, model: AssemblyDefinition
 
     An error is reported for a level to which no component belongs, in this document or in a nested document.
     """
-    known = {level for assembly in assemblies_of(model) for component in assembly.components for level in component.detail}
+    known = {level for assembly in model.assemblies() for component in assembly.components for level in component.detail}
     specified = {key: value for key, value in detail if value is not None}
     for key, levels in specified.items():
         for name in (level for level in levels if level not in known):

@@ -1,4 +1,4 @@
-"""Data types for the coordinates of joints: names, limits, dynamics and mimics."""
+"""Data types for the coordinates of joints: names, limits, dynamics, mimics, and the values of drives and transmissions."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.kinds import JointKind
 from thingc.base.numeric import inf, sum_of
 from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.pose import Vector
 from thingc.base.source import Origin
 
 
@@ -150,3 +151,37 @@ class Coordinate(OneLineRepr, FrozenStruct):
     def path(self) -> str:
         """The name of the coordinate in files, such as `hand/wrist_0`."""
         return self.name.path
+
+
+class Gear(OneLineRepr, FrozenStruct):
+    """A transmission between an actuator and a joint.
+
+    `ratio` is the motion of the actuator per motion of the joint [rad/rad, rad/m, m/rad or m/m], and `efficiency` is between 0 and 1. If
+    `turns` is True, the actuator rotates. `inertia` [kg m^2 or kg] is the inertia of the transmission at the actuator. `backlash` [rad or
+    m] is measured at the joint. In a differential, the ratio is 1, because each drive acts on the coordinate of its actuator.
+    """
+
+    name: str
+    turns: bool
+    ratio: float
+    efficiency: float
+    inertia: float | None
+    backlash: float | None = None
+
+
+class DriveValues(OneLineRepr, FrozenStruct):
+    """The values of a drive in a document and in the linked robot, in SI units.
+
+    `effort` is the limit of the force or torque of the drive. Commands act after `delay` [s]. `deadband` and `noise` have the unit of the
+    command. For a ball joint, `axis` is a unit vector in the axes of the parent mount at q = 0. The axis is fixed in the child.
+    """
+
+    kp: float | None = None
+    kv: float | None = None
+    effort: float | None = None
+    velocity: float | None = None
+    axis: Vector | None = None
+    delay: float | None = None
+    deadband: float | None = None
+    noise: float | None = None
+    origin: Origin = ()

@@ -19,13 +19,13 @@ from thingc.base.units import ANGLE, NUMBER, Dimension
 from thingc.documents.spec.drives import DriveSpec
 from thingc.documents.spec.transmissions import DifferentialSpec, TransmissionSpec
 from thingc.model.resolve import references
-from thingc.model.resolve.coordinates import CoordinateName
+from thingc.model.resolve.coordinates import CoordinateName, Gear
 from thingc.model.resolve.document_scope import DocumentScope
 from thingc.model.resolve.joints import NO_DYNAMICS, NO_LIMIT, drive_of
 from thingc.model.resolve.repeats import Unrolled
 from thingc.model.resolve.scope import LayeredValue
 from thingc.model.resolve.tendons import factor_of, moving_joint
-from thingc.model.resolve.types import Drive, Gear, Joint, Tendon
+from thingc.model.resolve.types import Drive, Joint, Tendon
 
 LARGEST_RATIO = 1e6
 """Largest absolute value of a ratio in SI units. The smallest is its inverse."""

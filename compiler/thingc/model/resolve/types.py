@@ -6,6 +6,7 @@ the mounts depend on the geometry of the part. Such a reference contains only th
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, Generic, Literal, TypeVar
 
 from msgspec.structs import replace
@@ -20,8 +21,8 @@ from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.base.sensor_kinds import Measurement
 from thingc.base.source import Origin, Span
 from thingc.geometry.print_slices import BRIDGE_FLOW, OVERLAP, UPRIGHT, PrintDirection, Slicing
-from thingc.geometry.record import DriveType, MountRecord, PartDefinition, Value
-from thingc.model.resolve.coordinates import Coordinate, CoordinateName, Dynamics, Limit
+from thingc.geometry.record import DriveType, MountRecord, PartDefinition, Value, WantedPieces
+from thingc.model.resolve.coordinates import Coordinate, CoordinateName, DriveValues, Dynamics, Gear, Limit
 from thingc.model.resolve.link_definition import LinkDefinition
 
 COUNTED = "the reference is repeated this often"
@@ -295,40 +296,6 @@ class Component(OneLineRepr, FrozenStruct):
         `use` is the location of an occurrence of the component.
         """
         return inner + use[len(self.origin):]
-
-
-class Gear(OneLineRepr, FrozenStruct):
-    """A transmission between an actuator and a joint.
-
-    `ratio` is the motion of the actuator per motion of the joint [rad/rad, rad/m, m/rad or m/m], and `efficiency` is between 0 and 1. If
-    `turns` is True, the actuator rotates. `inertia` [kg m^2 or kg] is the inertia of the transmission at the actuator. `backlash` [rad or
-    m] is measured at the joint. In a differential, the ratio is 1, because each drive acts on the coordinate of its actuator.
-    """
-
-    name: str
-    turns: bool
-    ratio: float
-    efficiency: float
-    inertia: float | None
-    backlash: float | None = None
-
-
-class DriveValues(OneLineRepr, FrozenStruct):
-    """The values of a drive in a document and in the linked robot, in SI units.
-
-    `effort` is the limit of the force or torque of the drive. Commands act after `delay` [s]. `deadband` and `noise` have the unit of the
-    command. For a ball joint, `axis` is a unit vector in the axes of the parent mount at q = 0. The axis is fixed in the child.
-    """
-
-    kp: float | None = None
-    kv: float | None = None
-    effort: float | None = None
-    velocity: float | None = None
-    axis: Vector | None = None
-    delay: float | None = None
-    deadband: float | None = None
-    noise: float | None = None
-    origin: Origin = ()
 
 
 class Drive(DriveValues):
@@ -741,3 +708,44 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
     catalog: dict[str, BomEntry] = {}
     omitted: dict[str, frozenset[str]] = {}
     order: tuple[Reference, ...] = ()
+
+    def assemblies(self) -> Iterator[AssemblyDefinition]:
+        """Yield this definition, then the definitions of all nested assemblies without duplicates."""
+        waiting, met = [self], {id(self)}
+        for definition in waiting:
+            yield definition
+            for component in definition.components:
+                inner = component.definition
+                if isinstance(inner, AssemblyDefinition) and id(inner) not in met:
+                    met.add(id(inner))
+                    waiting.append(inner)
+
+    def decompositions(self) -> WantedPieces:
+        """Return the convex decompositions of the parts whose components set `collision: decompose`."""
+        wanted: dict[str, set[int]] = {}
+        for component in (component for definition in self.assemblies() for component in definition.components):
+            pieces = {choice.pieces for choice in component.overrides.choices.values() if choice.collision == "decompose"}
+            if isinstance(component.definition, PartDefinition) and pieces:
+                wanted.setdefault(component.definition.text, set()).update(pieces)
+        return {text: tuple(sorted(several)) for text, several in wanted.items()}
+
+    def part_definitions(self) -> tuple[PartDefinition, ...]:
+        """Return the part definitions without duplicates, in document order. A nested document is traversed at its first use."""
+        definitions: dict[PartDefinition, None] = {}
+        seen: set[tuple[str, object, str | None]] = set()
+
+        def visit(assembly: AssemblyDefinition) -> None:
+            for component in assembly.components:
+                definition = component.definition
+                if isinstance(definition, PartDefinition):
+                    definitions.setdefault(definition)
+                    if component.image_of is not None and definition.plain is not None:  # the part may equal its mirror image
+                        definitions.setdefault(definition.plain)
+                elif isinstance(definition, AssemblyDefinition):
+                    key = (definition.document, definition.parameters, definition.mirror)
+                    if key not in seen:
+                        seen.add(key)
+                        visit(definition)
+
+        visit(self)
+        return tuple(definitions)

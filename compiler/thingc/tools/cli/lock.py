@@ -29,7 +29,6 @@ from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import PartDefinition, PartFailure
 from thingc.geometry.service import GeometryService
 from thingc.model.assembly.mass import slicings_of
-from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.resolver import Settings, resolve
 from thingc.tools.cli import console
 from thingc.tools.cli.lock_content import create_lock, differences, lock_text
@@ -112,7 +111,7 @@ def _used_parts(
             model = resolve(sources, Settings(), report_of_document)
             references.update(dict.fromkeys(sources.schemas))
             if model is not None:
-                used = {definition.text: definition for definition in part_definitions(model)}
+                used = {definition.text: definition for definition in model.part_definitions()}
                 definitions = {**used, **definitions}
                 for text, ways in slicings_of(model, geometry.realize(list(used.values()))).items():
                     slicings.setdefault(text, set()).update(ways)

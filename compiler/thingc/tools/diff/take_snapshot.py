@@ -16,7 +16,6 @@ from thingc.driver.pipeline import Compilation
 from thingc.geometry.record import PartDefinition
 from thingc.model.assembly.types import ActuatorModel, Assembly, JointEdge
 from thingc.model.resolve.coordinates import Dynamics, Limit
-from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, JointRange, Mode, Overrides, Process, Reference
 from thingc.tools.diff.assembly_facts import edges_of, links_of, motion_facts, occurrences_of, rows_of, sensor_values, tendon_facts
 from thingc.tools.diff.snapshot import PLACES, ComponentNode, Fact, Named, Snapshot, SnapshotElement, Value, What, field_values
@@ -314,7 +313,7 @@ class _Reader:
         If two documents define different materials of the same name, the key also contains the path of the document.
         """
         known: dict[str, Mapping[str, Fact]] = {}
-        for definition in assemblies_of(top):
+        for definition in top.assemblies():
             for name, material in definition.materials.items():
                 facts = {
                     "density": Fact(value=material.density, span=material.density_origin[0] if material.density_origin else None),

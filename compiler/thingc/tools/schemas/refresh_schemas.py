@@ -21,7 +21,6 @@ from thingc.documents.spec.invalid_entries import Specs
 from thingc.documents.spec.validation import part_references, validate
 from thingc.documents.workspace import OWN_FILE, Workspace
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
-from thingc.model.resolve.nested_assemblies import part_definitions
 from thingc.model.resolve.resolver import Settings, Sources, resolve
 from thingc.model.resolve.types import AssemblyDefinition
 from thingc.tools.live.file_watcher import Stat, stat_of
@@ -206,7 +205,7 @@ class Schemas:
         read = {name: one for path, name in names.items() if (one := read_document(path, self.workspace)) is not None}
         schemas = self._parts.describe(dict.fromkeys(reference for one in read.values() for reference in one.references))
         models = {name: one.model(self.workspace, schemas) for name, one in read.items() if one.kind == "assembly"}
-        definitions = dict.fromkeys(definition for one in models.values() if one is not None for definition in part_definitions(one))
+        definitions = dict.fromkeys(definition for one in models.values() if one is not None for definition in one.part_definitions())
         self._parts.realize((*definitions, *self._parts.defaults().values()))
         usual = self._parts.usual(definitions)
         selected = None if only is None else {self.workspace.relative(path) for path in only}

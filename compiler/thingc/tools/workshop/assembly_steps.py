@@ -25,7 +25,6 @@ from thingc.base.pose import Pose, Vector, add_scaled, transpose
 from thingc.base.source import Origin
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly, Mate, Occurrence
-from thingc.model.resolve.nested_assemblies import assemblies_of
 from thingc.model.solids.shapes import Solid, Solids
 from thingc.targets.bom.emit import is_listed
 
@@ -123,7 +122,7 @@ def sections(assembly: Assembly, store: Store, report: Report) -> list[Section]:
 class _Planner:
     def __init__(self, assembly: Assembly, store: Store, report: Report) -> None:
         self._assembly, self._report = assembly, report
-        self._orders = {one.text: one.order for one in assemblies_of(assembly.definition)}
+        self._orders = {one.text: one.order for one in assembly.definition.assemblies()}
         self._solids = Solids(store)
         self._places: dict[Piece, list[tuple[Solid, Pose]]] = {}
         self._mates = {mate.child: mate for mate in assembly.mates if mate.loop is None}
