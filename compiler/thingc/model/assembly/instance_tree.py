@@ -130,7 +130,7 @@ class Tree:
                 scope = instance.assembly
                 self.assemblies.append((instance, scope))
                 if not scope.whole:
-                    self.findings.mark_incomplete()
+                    self.findings.incomplete = True
                 for inner in scope.components:
                     nested = inner.definition if isinstance(inner.definition, AssemblyDefinition) else None
                     path, unit = instance.within(inner.name), instance.unit
@@ -144,7 +144,7 @@ class Tree:
             elif component is not None:
                 instance.part = instances.of(component, scope, instance.path, instance.origin)
                 if instance.part is None:
-                    self.findings.mark_incomplete()
+                    self.findings.incomplete = True
                 else:
                     instance.index = len(self.occurrences)
                     self.occurrences.append(instance)
@@ -153,7 +153,7 @@ class Tree:
         for instance, definition in reversed(self.assemblies):  # children first, because the base may itself be an assembly
             bases = unplaced_components(definition)
             if len(bases) != 1:
-                self.findings.mark_incomplete()
+                self.findings.incomplete = True
             if bases:
                 instance.base = instance.children[bases[0]]
                 instance.index = instance.base.index
@@ -214,7 +214,7 @@ class Tree:
         return None if place is None else tuple(occurrence.index for occurrence in place.occurrences() if occurrence.index is not None)
 
     def _report_fault(self, fault: _Fault, reference: Reference, instance: Instance) -> None:
-        self.findings.mark_incomplete()
+        self.findings.incomplete = True
         # A `repeat` or a nested document that is used twice creates many references from one line, but the line is reported once.
         place = (fault.code, re.sub(r"\d+", "#", reference.text), reference.origin[:1])
         if not fault.silent and place not in self._reported:

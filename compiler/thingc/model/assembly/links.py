@@ -96,7 +96,7 @@ def _namings(tree: Tree, link_of: Sequence[int]) -> dict[int, _Naming]:
         for entry in definition.links:
             place = tree.component(instance, entry.component)
             if place is None or place.index is None:
-                tree.findings.mark_incomplete()
+                tree.findings.incomplete = True
                 continue
             link = link_of[place.index]
             naming = _Naming(instance.within(entry.name), place.index, depth, instance.path, entry.origin + instance.origin)

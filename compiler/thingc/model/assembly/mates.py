@@ -89,7 +89,7 @@ def _joint_mates(tree: Tree, instance: Instance, coordinates: Sequence[Joint], m
     if child is None or parent is None:
         return
     if joint.child.path[:1] == joint.parent.path[:1] and not joint.loop:  # a loop may connect two parts of one nested assembly
-        tree.findings.mark_incomplete()
+        tree.findings.incomplete = True
         tree.findings.error(
             Code.PLACED_ON_ITSELF,
             f"joint `{joint.name.joint}` connects `{joint.child.path[0]}` with itself: its mounts are `{joint.parent.text}` and "
@@ -183,7 +183,7 @@ def _check_cycles(instance: Instance, definition: AssemblyDefinition, findings: 
     If an earlier pass has reported that the assembly has no base, the cycle is not reported.
     """
     if findings.earlier and not unplaced_components(definition):
-        findings.mark_incomplete()
+        findings.incomplete = True
         return
     placements = _placements_of(definition)
     jointed = {joint.child.path[0] for joint in definition.joints if joint.child.path}
@@ -194,7 +194,7 @@ def _check_cycles(instance: Instance, definition: AssemblyDefinition, findings: 
         hops = ", ".join(f"`{member}` on `{placements[member][0]}`" for member in cycle[:MAX_CYCLE])
         if len(cycle) > MAX_CYCLE:
             hops += f" and {len(cycle) - MAX_CYCLE} more"
-        findings.mark_incomplete()
+        findings.incomplete = True
         findings.error(
             Code.PLACEMENT_CIRCLE, f"components are placed in a cycle: {hops}", placements[cycle[0]][1] + instance.origin,
             path=instance.within(cycle[0]), help="place one of these components on a component outside the cycle" + (

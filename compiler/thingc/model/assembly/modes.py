@@ -13,9 +13,9 @@ from thingc.base.suggestions import did_you_mean
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.kinematics import balls, coordinates
 from thingc.model.assembly.report import LinkReport
-from thingc.model.assembly.types import Adhesion, ExportedMount, Foot, JointEdge, LinkedHold, LinkedMode, LinkedMount, Occurrence
+from thingc.model.assembly.types import Adhesion, ExportedMount, Foot, JointEdge, LinkedMode, LinkedMount, Occurrence
 from thingc.model.resolve.raw_protected import NAMING
-from thingc.model.resolve.types import ContactGroup, ContactPair, Mode, ModeSettings, NamedPose, RawAttribute, RawElement, Reference
+from thingc.model.resolve.types import ContactGroup, ContactPair, Hold, Mode, ModeSettings, NamedPose, RawAttribute, RawElement, Reference
 
 _ROUNDING = 1e-9
 """Relative tolerance for joint positions at the limits of joints. The tolerance is needed because positions and limits can be results of
@@ -54,34 +54,33 @@ def _mode(tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: Se
     )
     adhesion = {_path(reference): force for reference, force in mode.adhesion if tree.find(tree.top, reference) is not None}
     if root is None:
-        tree.findings.mark_incomplete()
+        tree.findings.incomplete = True
         return None
     return LinkedMode(
         **tree.top.fields_of(mode, ModeSettings), root=root, exclude=tuple(pairs), adhesion=adhesion,
         pairs=_pairs(tree, mode, occurrences, link_of), groups=tuple(_groups(tree, mode)),
-        holds=tuple(_holds(tree, mode)), feet=tuple(_feet(tree, mode)),
+        holds=_holds(tree, mode), feet=tuple(_feet(tree, mode)),
     )
 
 
-def _holds(tree: Tree, mode: Mode) -> Iterator[LinkedHold]:
-    """Yield the resolved holds of a mode.
+def _holds(tree: Tree, mode: Mode) -> tuple[Hold[LinkedMount], ...]:
+    """Return the resolved holds of a mode.
 
     A mount that the mode holds twice, for example under its own name and under an exported name, is reported.
     """
-    holds: dict[tuple[int, str], LinkedHold] = {}
+    holds: dict[tuple[int, str], Hold[LinkedMount]] = {}
     for hold in mode.holds:
         choice = mount_of(tree, tree.top, hold.mount)
         if choice is None:
             continue
-        linked = LinkedHold(mount=choice, pose=hold.pose, origin=hold.origin, turns=hold.turns)
+        linked = Hold(mount=choice, pose=hold.pose, origin=hold.origin, turns=hold.turns)
         earlier = holds.setdefault((choice.occurrence, choice.mount), linked)
         if earlier is not linked:
             tree.findings.error(
                 Code.HOLD, f"mode `{mode.name}` holds `{choice.path}` twice", hold.origin, path=choice.path,
                 help="remove one of the two holds", notes=make_notes("the other hold is here", earlier.origin),
             )
-            continue
-        yield linked
+    return tuple(holds.values())
 
 
 def _feet(tree: Tree, mode: Mode) -> Iterator[Foot]:

@@ -182,7 +182,7 @@ class PartInstances:
                 return None
             use.record = result
             if not result.exact:  # the values belong to a similar part, so errors that depend on these values are not reported
-                self._findings.mark_incomplete()
+                self._findings.incomplete = True
                 self.unknown = True
             self._warn(use, result)
         elif not isinstance(definition, LinkDefinition) and not component.frame:
@@ -271,7 +271,7 @@ class PartInstances:
             if use.scope.materials_known:
                 self._unknown_materials.setdefault((use.scope.document, record.material, weighed is None), []).append(use)
             if weighed is None or not use.scope.materials_known:
-                findings.mark_incomplete()
+                findings.incomplete = True
         elif weighed is None and record is not None and material is None:
             materials = use.scope.materials
             use.error(Code.NO_MATERIAL, f"`{component.name}` ({use.label}) has neither a material nor a mass", help=(
@@ -291,7 +291,7 @@ class PartInstances:
             if process.unspecified_keys:
                 self._report_missing_settings(use, process.unspecified_keys)
             else:
-                findings.mark_incomplete()
+                findings.incomplete = True
             return None
         if process.estimation == "layers" and process.layers_too_high:
             self._report_high_layers(use, process)
@@ -305,7 +305,7 @@ class PartInstances:
             return weigh_shapes(definition, use.material, self._meshes, use.component.overrides)
         except MissingDensity as why:
             if not str(why):  # the file was not read, or its error has been reported
-                self._findings.mark_incomplete()
+                self._findings.incomplete = True
                 self.unknown = True
                 return None
             help = "give every shape, or the link, a `material` with a density, or add `mass:`, `com:` and `inertia:`"

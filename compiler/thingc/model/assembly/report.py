@@ -59,10 +59,6 @@ class LinkReport:
         """Return whether the pass `link` has reported a diagnostic with this code."""
         return any(reported_code is code for reported_code, _, _ in self._reported)
 
-    def mark_incomplete(self) -> None:
-        """Record that an element was omitted because of an error that has already been reported."""
-        self.incomplete = True
-
     def _may_report(self, key: _Key) -> bool:
         """Return whether to report a diagnostic: it is not a duplicate, and the maximum number of diagnostics has not been reached.
 

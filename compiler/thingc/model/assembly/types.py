@@ -332,20 +332,6 @@ class Adhesion(LinkedMount):
     force: float
 
 
-class LinkedHold(OneLineRepr, FrozenStruct):
-    """A mount that a mode holds to the world. The mount is mated to the frame `pose` in the world.
-
-    If `pose` is None, the mount is held at its pose in the start pose of the mode.
-
-    If `turns` is True, only the origin of the mount is fixed, and the mount can rotate.
-    """
-
-    mount: LinkedMount
-    pose: Pose | None
-    origin: Origin
-    turns: bool = False
-
-
 class Foot(OneLineRepr, FrozenStruct):
     """A mount on which a mode with a free base stands, with the coefficient of sliding friction between the mount and the floor."""
 
@@ -443,7 +429,7 @@ class LinkedMode(resolved.ModeSettings):
     adhesion: dict[SitePath, float]
     pairs: tuple[resolved.ContactPair[int], ...] = ()
     groups: tuple[resolved.ContactGroup[int], ...] = ()
-    holds: tuple[LinkedHold, ...] = ()
+    holds: tuple[resolved.Hold[LinkedMount], ...] = ()
     feet: tuple[Foot, ...] = ()
 
     def has_drive(self, path: str) -> bool:

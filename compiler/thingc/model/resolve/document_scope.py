@@ -183,7 +183,7 @@ class ResolveRun:
     declared: dict[str, DeclaredParameters] = field(default_factory=dict)
     nesting: list[str] = field(default_factory=list)
     route: list[str] = field(default_factory=list)
-    parts: dict[tuple[str, tuple[tuple[str, Value], ...]], PartDefinition] = field(default_factory=dict)
+    parts: dict[str, PartDefinition] = field(default_factory=dict)
     failed_parts: set[str] = field(default_factory=set)
     materials: dict[str, dict[str, resolved.Material | None]] = field(default_factory=dict)
     reported: set[tuple[str, Code, Path, bool]] = field(default_factory=set)

@@ -341,8 +341,7 @@ def _lead(item: Unrolled[JointSpec], kind: JointKind) -> float | None:
             Code.LEAD, f"the `lead` of joint `{name}` is 0: the joint would not advance", (*path, "lead"),
             help="write the advance per turn, or use `type: revolute` or `continuous`",
         )
-        return None
-    return lead
+    return lead or None
 
 
 def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate: Dimension, layers: DefaultLayers) -> Limit:

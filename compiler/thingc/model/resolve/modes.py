@@ -33,12 +33,12 @@ from thingc.model.resolve.transmissions import coupled_drives, undriven_reported
 from thingc.model.resolve.types import OTHERS, At, Attach, Cut, Hold, Joint, Mode, Reference, Standing
 
 
-def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Hold, ...]:
+def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Hold[Reference], ...]:
     """Return the mounts that a mode holds to the world.
 
     The result includes the holds of the modes that the mode extends. Invalid holds are reported and omitted.
     """
-    resolved: list[Hold] = []
+    resolved: list[Hold[Reference]] = []
     for text, (spec, path) in layers.entries("hold").items():
         reference = references.root(table, scope, text, path, key=True)
         has_pose = isinstance(spec, HoldSpec) and spec.at is None
@@ -301,7 +301,7 @@ def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
     return replace(pose, translation=(x, y, 0.0)), True
 
 
-def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, mode_holds: Sequence[Hold]) -> None:
+def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, mode_holds: Sequence[Hold[Reference]]) -> None:
     """Report an error for a hold with a position in a mode with `on: floor`, because both would determine the height."""
     on = layers.sub("at").pick("on")
     for hold in mode_holds:

@@ -65,12 +65,10 @@ def of_code(context: ResolveRun, node: ComponentScope, reference: str) -> PartDe
     if set_values is None:
         return None
     values = {**schema.defaults, **set_values}
-    key = (reference, tuple(sorted(values.items())))
-    definition = context.parts.get(key)
-    # 1, 1.0 and True are equal as keys, but their representations differ
-    if definition is None or definition.text != definition_text(reference, values, schema.defaults):
-        definition = context.parts[key] = schema.definition(values)
-    return definition
+    text = definition_text(reference, values, schema.defaults)
+    if text not in context.parts:
+        context.parts[text] = schema.definition(values)
+    return context.parts[text]
 
 
 def _given_parameters(node: ComponentScope, schema: PartSchema) -> dict[str, Value] | None:
@@ -81,7 +79,6 @@ def _given_parameters(node: ComponentScope, schema: PartSchema) -> dict[str, Val
     scope, path = node.scope, (*node.path, "params")
     by_name = {parameter.name: parameter for parameter in schema.parameters}
     values: dict[str, Value] = {}
-    valid = True
     for name, raw in node.spec.params.items():
         parameter = by_name.get(name)
         if parameter is None:
@@ -90,13 +87,10 @@ def _given_parameters(node: ComponentScope, schema: PartSchema) -> dict[str, Val
                 help=did_you_mean(name, by_name, what="parameters"),
                 notes=[*scope.second_note("the part is used here", (*node.path, "part"), (*path, name)), *_declared_at(schema)],
             )
-            valid = False
             continue
         value = scope.value(raw, (*path, name))
         canonical = None if value is None else _check_value(scope, schema, parameter, value, (*path, name))
-        if canonical is None:
-            valid = False
-        else:
+        if canonical is not None:
             values[name] = canonical
     missing = [parameter for parameter in schema.parameters if parameter.required and parameter.name not in node.spec.params]
     if missing and not scope.doubts.touch(path):
@@ -107,7 +101,7 @@ def _given_parameters(node: ComponentScope, schema: PartSchema) -> dict[str, Val
             Code.MISSING_PARAMETER, f"`{schema.reference}` needs the parameter{s} {named}, which {are} not set",
             (*node.path, "part"), help=f"write `params: {{{', '.join(examples)}}}`", notes=_declared_at(schema),
         )
-    return values if valid and not missing else None
+    return values if len(values) == len(node.spec.params) and not missing else None
 
 
 def _check_value(scope: Scope, schema: PartSchema, parameter: ParameterSchema, value: ExpressionValue, path: Path) -> Value | None:
@@ -118,49 +112,44 @@ def _check_value(scope: Scope, schema: PartSchema, parameter: ParameterSchema, v
     subject = f"parameter `{parameter.name}` of `{schema.reference}`"
     source = scope.source_text(path)
     literal = source is not None and not source.lstrip().startswith("=")
+    code, help = Code.VALUE_KIND, None
+    dimension = DIMENSIONS.get(parameter.kind, NUMBER)
     if parameter.kind == "choice":
-        return _choice(scope, schema, parameter, value, subject, path)
-    if parameter.kind == "text":
+        chosen = _find_choice(parameter, value, (source or "").strip())
+        if chosen is not None:
+            return chosen
+        choices = [format_value(choice) if isinstance(choice, (bool, str)) else f"{choice:g}" for choice in parameter.choices]
+        text = shorten((source or "").strip() or format_value(value))
+        message = f"{subject} must be one of {quote_names(choices, 12)}, found `{text}`"
+        help = did_you_mean(text, choices, what="choices") if nearest(text, choices) is not None else None
+    elif parameter.kind == "text":
         if isinstance(value, str):
             return value
         if isinstance(value, Quantity) and literal and source is not None:
             return source.strip()
         message = f"{subject} must be a string, found {kind_of(value)} ({scope.format_value(value, path)})"
-        scope.error(Code.VALUE_KIND, message, path, help="put quotes around the value" if literal else None, notes=_declared_at(schema))
-        return None
-    if parameter.kind == "flag":
+        help = "put quotes around the value" if literal else None
+    elif parameter.kind == "flag":
         if isinstance(value, bool):
             return value
         message = f"{subject} must be `true` or `false`, found {kind_of(value)} ({scope.format_value(value, path)})"
-        scope.error(Code.VALUE_KIND, message, path, help="write `true` or `false`", notes=_declared_at(schema))
-        return None
-    dimension = DIMENSIONS[parameter.kind]
-    if not isinstance(value, Quantity) or not value.fits(dimension):
-        message, help = dimension_message(value, (dimension,), subject, source, scope.names)
+        help = "write `true` or `false`"
+    elif not isinstance(value, Quantity) or not value.fits(dimension):
+        code, (message, help) = Code.DIMENSION, dimension_message(value, (dimension,), subject, source, scope.names)
         if parameter.kind in ("number", *WHOLE) and isinstance(value, Quantity):
             help = "the part expects a plain number without a unit"
-        scope.error(Code.DIMENSION, message, path, help=help, notes=_declared_at(schema))
-        return None
-    number = value.value + 0.0
-    if parameter.kind in WHOLE and number != int(number):
+    elif parameter.kind in WHOLE and value.value != int(value.value):
         message = f"{subject} must be a whole number, found {scope.format_value(value, path)}"
-        scope.error(Code.VALUE_KIND, message, path, notes=_declared_at(schema))
-        return None
-    for bound, broken, rule in (
-        (parameter.minimum, parameter.minimum is not None and number < parameter.minimum, "at least"),
-        (parameter.maximum, parameter.maximum is not None and number > parameter.maximum, "at most"),
-    ):
-        if broken and bound is not None:
-            scope.error(
-                Code.OUT_OF_RANGE, f"{subject} must be {rule} {parameter.format_value(bound)}, found {scope.format_value(value, path)}",
-                path, notes=_declared_at(schema),
-            )
-            return None
-    return int(number) if parameter.kind in WHOLE else number
+    elif (rule := _violated_rule(parameter, value.value)) is not None:
+        code, message = Code.OUT_OF_RANGE, f"{subject} must be {rule}, found {scope.format_value(value, path)}"
+    else:
+        return int(value.value) if parameter.kind in WHOLE else value.value + 0.0
+    scope.error(code, message, path, help=help, notes=_declared_at(schema))
+    return None
 
 
-def _choice(scope: Scope, schema: PartSchema, parameter: ParameterSchema, value: ExpressionValue, subject: str, path: Path) -> Value | None:
-    source = (scope.source_text(path) or "").strip()
+def _find_choice(parameter: ParameterSchema, value: ExpressionValue, source: str) -> Value | None:
+    """Return the choice of a parameter that equals a value with the text `source` in the document, or None."""
     for choice in parameter.choices:
         if isinstance(choice, bool) or isinstance(value, bool):
             if choice is value:
@@ -170,13 +159,15 @@ def _choice(scope: Scope, schema: PartSchema, parameter: ParameterSchema, value:
                 return choice
         elif isinstance(value, Quantity) and value.dimension == NUMBER and value.value == choice:
             return choice
-    choices = [format_value(choice) if isinstance(choice, (bool, str)) else f"{choice:g}" for choice in parameter.choices]
-    text = shorten(source or format_value(value))
-    help = did_you_mean(text, choices, what="choices") if nearest(text, choices) is not None else None
-    scope.error(
-        Code.VALUE_KIND, f"{subject} must be one of {quote_names(choices, 12)}, found `{text}`", path, help=help,
-        notes=_declared_at(schema),
-    )
+    return None
+
+
+def _violated_rule(parameter: ParameterSchema, number: float) -> str | None:
+    """Return the rule that a number violates, such as `at least 5 mm`, or None if it is within the bounds of the parameter."""
+    if parameter.minimum is not None and number < parameter.minimum:
+        return f"at least {parameter.format_value(parameter.minimum)}"
+    if parameter.maximum is not None and number > parameter.maximum:
+        return f"at most {parameter.format_value(parameter.maximum)}"
     return None
 
 
@@ -300,16 +291,16 @@ FEWEST_FACES = 4
 """Smallest number of faces of a closed surface, which is a tetrahedron."""
 
 
-def of_file(context: ResolveRun, node: ComponentScope, text: str) -> PartDefinition | None:
+def of_file(context: ResolveRun, node: ComponentScope, file: str) -> PartDefinition | None:
     """Return the part definition of a component with the key `file:`.
 
     The parameters of the definition are `faces`, if specified, and the unit of the file, if it is not mm. If the file cannot be used,
     return None. The pass `load` has reported this, unless a `--set` option selects the file.
     """
     base_document = context.documents.root.path if "file" in node.chosen else node.scope.document.path
-    absolute = resolve_path(text, base_document)
+    absolute = resolve_path(file, base_document)
     workspace = context.workspace
-    if absolute is None or os.path.isabs(text) or not workspace.contains(absolute) or not absolute.lower().endswith(PART_SUFFIXES):
+    if absolute is None or os.path.isabs(file) or not workspace.contains(absolute) or not absolute.lower().endswith(PART_SUFFIXES):
         return None
     reference = workspace.relative(absolute)
     unit = node.spec.unit or FILE_UNIT
@@ -320,12 +311,10 @@ def of_file(context: ResolveRun, node: ComponentScope, text: str) -> PartDefinit
             return None
     settings: dict[str, Value] = {} if faces is None else {"faces": faces}
     settings |= {} if unit == FILE_UNIT else {"unit": unit}
-    parameters = tuple(settings.items())
-    definition = context.parts.get((reference, parameters))
-    if definition is None and os.path.isfile(absolute):
-        definition = context.parts[reference, parameters] = PartDefinition(
-            reference=reference, kind="file", parameters=parameters, text=definition_text(reference, settings, {}),
+    text = definition_text(reference, settings, {})
+    if text not in context.parts and os.path.isfile(absolute):
+        context.parts[text] = PartDefinition(
+            reference=reference, kind="file", parameters=tuple(settings.items()), text=text, words=tuple(map(str, settings.values())),
             label=reference + (f" in {unit}" if "unit" in settings else "") + (f", {faces} faces" if "faces" in settings else ""),
-            words=tuple(str(value) for value in settings.values()),
         )
-    return definition
+    return context.parts.get(text)

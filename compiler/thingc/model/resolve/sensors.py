@@ -11,7 +11,7 @@ from thingc.base.joints.twist import dimensions_of
 from thingc.base.pose import NO_POSE
 from thingc.base.sensor_kinds import SENSORS, ReadingName
 from thingc.base.source import Path
-from thingc.base.suggestions import did_you_mean
+from thingc.base.suggestions import Hint, did_you_mean
 from thingc.base.units import ANGLE, LENGTH, Dimension, Quantity
 from thingc.documents.spec.sensors import SensorSpec
 from thingc.model.resolve import references
@@ -181,25 +181,21 @@ class _Reader:
         joints = dict(table.all_joints())
         balls = (joint for other, joint in joints.items() if other.joint == name.joint and joint is not None and joint.kind.at_once)
         ball = next(balls, None)
+        help: Hint
         if ball is not None and self.spec.type == "joint":
-            scope.error(
-                Code.JOINT_FIELD, f"joint `{name.joint}` is {ball.kind.words}: it has no single coordinate to measure", place,
-                key=unnamed, help="use a joint with one coordinate, or an `imu` on its child",
-            )
-            return None
-        if name not in joints:
-            if not table.may_lack_joints():
-                moving = [other for other, joint in joints.items() if joint is not None and joint.twist is not None]
-                help = suggest(name, moving, what="joints")
-                if unnamed and moving:
-                    help = f"{help}; set `joint: ...`"
-                scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{name}`", place, key=unnamed, help=help)
-            return None
-        joint = joints[name]
-        if joint is not None and joint.twist is None:
-            scope.error(
-                Code.JOINT_FIELD, f"joint `{name}` is {joint.kind.name} and does not move: it has nothing to measure", place,
-                key=unnamed, help="use a joint that moves, or a `force` sensor at one of its mounts",
-            )
-            return None
-        return joint
+            code, help = Code.JOINT_FIELD, "use a joint with one coordinate, or an `imu` on its child"
+            message = f"joint `{name.joint}` is {ball.kind.words}: it has no single coordinate to measure"
+        elif name not in joints:
+            if table.may_lack_joints():
+                return None
+            moving = [other for other, joint in joints.items() if joint is not None and joint.twist is not None]
+            code, message, help = Code.UNKNOWN_JOINT, f"there is no joint `{name}`", suggest(name, moving, what="joints")
+            if unnamed and moving:
+                help = f"{help}; set `joint: ...`"
+        elif (joint := joints[name]) is not None and joint.twist is None:
+            code, help = Code.JOINT_FIELD, "use a joint that moves, or a `force` sensor at one of its mounts"
+            message = f"joint `{name}` is {joint.kind.name} and does not move: it has nothing to measure"
+        else:
+            return joint
+        scope.error(code, message, place, key=unnamed, help=help)
+        return None

@@ -475,17 +475,21 @@ class Sensor(Measurement):
     touching: tuple[Reference, ...] = ()
 
 
-class Hold(OneLineRepr, FrozenStruct):
+Member = TypeVar("Member")
+"""The type of a component or mount in a mode: a `Reference` before the pass `link`, then the index of an occurrence or a `LinkedMount`."""
+
+
+class Hold(OneLineRepr, FrozenStruct, Generic[Member]):
     """A mount that a mode holds to the world, in addition to the root of the mode.
 
     The mount is mated to the frame `pose` in the world.
 
-    If `pose` is None, the document specifies `here`: the mount is held at its pose in the start pose of the mode. If `mount.mount` is None,
-    a component is held, and its origin is at `pose`. If `turns` is True, the hold transmits only a force, and the link can rotate about the
-    fixed origin of the mount.
+    If `pose` is None, the document specifies `here`: the mount is held at its pose in the start pose of the mode. If `mount` is a reference
+    to a component, its origin is at `pose`. If `turns` is True, the hold transmits only a force, and the link can rotate about the fixed
+    origin of the mount.
     """
 
-    mount: Reference
+    mount: Member
     pose: Pose | None
     origin: Origin
     turns: bool = False
@@ -533,10 +537,6 @@ class ModeSettings(OneLineRepr, FrozenStruct):
     at_in: dict[PoseName, Pose] = {}
 
 
-Member = TypeVar("Member")
-"""The type of a component in a contact: a `Reference` before the pass `link`, and the index of an occurrence after this pass."""
-
-
 class ContactPair(OneLineRepr, FrozenStruct, Generic[Member]):
     """A pair of components that always collide.
 
@@ -576,7 +576,7 @@ class Mode(ModeSettings):
     adhesion: tuple[tuple[Reference, float], ...]
     pairs: tuple[ContactPair[Reference], ...] = ()
     groups: tuple[ContactGroup[Reference], ...] = ()
-    holds: tuple[Hold, ...] = ()
+    holds: tuple[Hold[Reference], ...] = ()
     standing: Standing | None = None
     step_origin: Origin = ()
     gravity_origin: Origin = ()
