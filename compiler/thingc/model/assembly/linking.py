@@ -106,7 +106,7 @@ def _connect(tree: Tree, mates: tuple[Mate, ...], memo: Memo) -> Connected:
         memo.same(("occurrence", instance.path), _occurrence(index, instance, tree)) for index, instance in enumerate(tree.occurrences)
     )
     link_of = connected_components(len(occurrences), mates)
-    links = links_of(tree, occurrences, mates, memo)
+    links = tuple(links_of(tree, occurrences, mates, memo))
     check_loops(mates, link_of, links, tree.findings)
     modes, adhesions = modes_of(tree, occurrences, link_of), adhesions_of(tree)
     return Connected(

@@ -41,8 +41,8 @@ class _Naming(FrozenStruct, kw_only=False):
     origin: Origin
 
 
-def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], memo: Memo) -> tuple[Link, ...]:
-    """Return the links of the robot, in document order.
+def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], memo: Memo) -> Iterator[Link]:
+    """Yield the links of the robot, in document order.
 
     The section `links:` of a document specifies the names and frames of links. If several documents name the same link, the outermost
     document takes precedence. By default, a link has the name and the frame of its first occurrence.
@@ -54,7 +54,6 @@ def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate
     namings = _namings(tree, link_of)
     neighbours = neighbourhood(len(occurrences), mates)
     rigid = tuple((m.parent, m.child, m.X_PJ, m.X_JC) for m in mates if not m.separates)
-    links: list[Link] = []
     taken: dict[str, Link] = {}
     for index, inside in enumerate(members):
         first = occurrences[inside[0]]
@@ -73,8 +72,7 @@ def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate
         other = taken.setdefault(link.name, link)
         if other is not link:
             _clash(other, link, named=index in namings, occurrences=occurrences, findings=tree.findings)
-        links.append(link)
-    return tuple(links)
+        yield link
 
 
 def _sum_masses(properties: Sequence[MassProperties], poses: Sequence[Pose]) -> MassProperties:

@@ -15,13 +15,12 @@ from thingc.model.resolve.types import BomEntry
 def bom_entry(scope: Scope, layers: DefaultLayers) -> BomEntry:
     """Return the entry of a component in the bill of materials. Missing keys come from the defaults in `layers`."""
     lines = layers.sub("bom")
-    number, supplier, make, link, cost, picture, one = (
-        lines.pick(key).value for key in ("number", "supplier", "make", "link", "cost", "picture", "as_")
-    )
+    texts = {key: lines.pick(key).value for key in ("number", "supplier", "make", "link")}
+    cost, picture = lines.pick("cost").value, lines.pick("picture").value
     prices = cost if isinstance(cost, dict) else {}
     return BomEntry(
-        number=number, supplier=supplier, make=make, link=link, cost=None if prices else cost, one=one is not None,
-        prices=_sorted_prices(prices), picture=None if picture is None else path_in_workspace(scope.document.relative, picture),
+        **texts, cost=None if prices else cost, prices=_sorted_prices(prices), one=bool(lines.pick("as_")),
+        picture=None if picture is None else path_in_workspace(scope.document.relative, picture),
     )
 
 

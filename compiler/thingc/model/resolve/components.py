@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 
 from msgspec.structs import replace
@@ -48,7 +48,8 @@ def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[Co
         spec, chosen = choose.apply_choices(context, table, item)
         node = ComponentScope(name=item.name, spec=spec, path=item.path, scope=item.scope, chosen=chosen)
         table.nodes[item.name] = node
-        node.incomplete = node.unsound = _in_doubt(table, node)
+        is_incomplete = bool(table.doubts) and (table.doubts.touch(node.path) or table.doubts.touch(("defaults", "component")))
+        node.incomplete = node.unsound = is_incomplete
         _define(context, table, node, nest)
         node.mounts = properties.extra_mounts(node) if item.spec.mounts else {}
         if not node.frame and node.definition is None:
@@ -64,11 +65,6 @@ def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[Co
             node.definition, node.table, node.unsound = None, None, True
             continue
         table.occurrences += added
-
-
-def _in_doubt(table: DocumentScope, node: ComponentScope) -> bool:
-    """Return whether validation removed invalid entries of a component or of the defaults for components."""
-    return bool(table.doubts) and (table.doubts.touch(node.path) or table.doubts.touch(("defaults", "component")))
 
 
 def _define(context: ResolveRun, table: DocumentScope, node: ComponentScope, nest: Nest) -> None:
@@ -165,8 +161,8 @@ def _given_values(context: ResolveRun, node: ComponentScope, relative: str, spec
 
 def components(
     context: ResolveRun, table: DocumentScope, placements: dict[str, Attach | At | None], *, unreadable: bool,
-) -> tuple[Component, ...]:
-    """Return the components of a document, in the order of the document.
+) -> Iterator[Component]:
+    """Yield the components of a document, in the order of the document.
 
     Invalid components do not have a definition, and later passes skip them.
     """
@@ -175,7 +171,6 @@ def components(
     # report errors in the defaults even if no component uses them
     properties.material(table.scope, DefaultLayers(default_layers), table.materials, unreadable=unreadable)
     properties.overrides(table.scope, DefaultLayers(default_layers))
-    resolved: list[Component] = []
     for node in table.nodes.values():
         place = ("component", table.document.relative, *context.route, node.name)
         names = context.memo(("names", *place), names_in, node.spec, defaults)
@@ -183,9 +178,7 @@ def components(
             node.spec, defaults, tuple(node.scope.names.get(name) for name in names), node.definition, node.shapes, node.unsound,
             node.unplaced, placements.get(node.name), table.materials, node.mounts, unreadable,
         )
-        make = partial(_component, node, table, placements.get(node.name), default_layers, unreadable)
-        resolved.append(context.sound(place, inputs, make))
-    return tuple(resolved)
+        yield context.sound(place, inputs, partial(_component, node, table, placements.get(node.name), default_layers, unreadable))
 
 
 def _component(

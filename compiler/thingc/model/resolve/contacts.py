@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import chain, product
 
 from thingc.base.diagnostics import Code, make_notes
@@ -53,39 +53,35 @@ def components_fitting(table: DocumentScope, scope: Scope, text: str, path: Path
     return [Reference(path=names, mount=None, origin=scope.origin(path) if origin is None else origin) for names in paths]
 
 
-def adhesions(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[tuple[Reference, float], ...]:
-    """Return the adhesion force [N] of each magnet mount. Forces of extended modes are included."""
-    forces: list[tuple[Reference, float]] = []
+def adhesions(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> Iterator[tuple[Reference, float]]:
+    """Yield the adhesion force [N] of each magnet mount. Forces of extended modes are included."""
     for text, (raw, path) in contacts.entries("adhesion").items():
         reference = references.shown_mount(table, scope, text, path, key=True)
         force = scope.number(raw, path, FORCE, "an adhesion", above=0.0)
         if reference is not None and force is not None:
-            forces.append((reference, force))
-    return tuple(forces)
+            yield reference, force
 
 
 def pairs(
     table: DocumentScope, scope: Scope, contacts: DefaultLayers, apart: Sequence[tuple[Reference, Reference]],
-) -> tuple[ContactPair[Reference], ...]:
-    """Return the pairs of components that always collide. The pairs `apart` must not collide.
+) -> Iterator[ContactPair[Reference]]:
+    """Yield the pairs of components that always collide. The pairs `apart` must not collide.
 
     Invalid pairs are reported and omitted. The pass `link` finds pairs that are listed twice.
     """
     specs, path = contacts.pick("pairs")
     ignored = {frozenset((one.path, other.path)): one.origin for one, other in apart}
-    found: list[ContactPair[Reference]] = []
     for index, spec in enumerate(specs or ()):
         at = (*path, index)
         for pair in _pairs_of(table, scope, spec, at):
             excluded_here = ignored.get(frozenset((pair.one.path, pair.other.path)))
             if excluded_here is None:
-                found.append(pair)
-                continue
-            scope.error(
-                Code.CONTACTS, f"the contacts of `{pair.one.text}` and `{pair.other.text}` are excluded, and listed under `pairs`",
-                (*at, "between"), help="remove one of the two entries", notes=make_notes("the pair is excluded here", excluded_here),
-            )
-    return tuple(found)
+                yield pair
+            else:
+                scope.error(
+                    Code.CONTACTS, f"the contacts of `{pair.one.text}` and `{pair.other.text}` are excluded, and listed under `pairs`",
+                    (*at, "between"), help="remove one of the two entries", notes=make_notes("the pair is excluded here", excluded_here),
+                )
 
 
 def _pairs_of(table: DocumentScope, scope: Scope, spec: PairSpec, path: Path) -> list[ContactPair[Reference]]:
@@ -109,10 +105,9 @@ def _pairs_of(table: DocumentScope, scope: Scope, spec: PairSpec, path: Path) ->
     ]
 
 
-def groups(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple[ContactGroup[Reference], ...]:
-    """Return the contact groups of a mode. Unknown names of groups are reported. The pass `link` finds components in two groups."""
+def groups(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> Iterator[ContactGroup[Reference]]:
+    """Yield the contact groups of a mode. Unknown names of groups are reported. The pass `link` finds components in two groups."""
     specs, path = contacts.pick("groups")
-    found: list[ContactGroup[Reference]] = []
     for name, spec in (specs or {}).items():
         at = (*path, name)
         if name == OTHERS:
@@ -125,5 +120,4 @@ def groups(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> tuple
                     help=suggest(other, (*specs, OTHERS), what="contact groups"),
                 )
         listed = (components_fitting(table, scope, text, (*at, "components", index)) for index, text in enumerate(spec.components))
-        found.append(ContactGroup(name=name, members=tuple(chain.from_iterable(listed)), collides=tuple(spec.collide)))
-    return tuple(found)
+        yield ContactGroup(name=name, members=tuple(chain.from_iterable(listed)), collides=tuple(spec.collide))

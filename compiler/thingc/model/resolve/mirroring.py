@@ -149,15 +149,11 @@ def with_own_images(model: AssemblyDefinition, records: Mapping[str, PartRecord 
             return component if inner is definition else replace(component, definition=inner)
         if not isinstance(definition, PartDefinition) or component.image_of is None or definition.plain is None:
             return component
-        if not _is_own_image(records.get(definition.text), records.get(definition.plain.text)):
+        image, plain = (records.get(text) for text in (definition.text, definition.plain.text))
+        if not isinstance(image, PartRecord) or not isinstance(plain, PartRecord) or not image.own_image:
+            return component
+        if (image.com, image.matrix) != (plain.com, plain.matrix):  # the specified centres of mass and inertias
             return component
         return replace(component, definition=definition.plain, bom=component.image_of.bom, mounts_mirrored=definition.mirror)
 
     return of(model)
-
-
-def _is_own_image(image: PartRecord | PartFailure | None, plain: PartRecord | PartFailure | None) -> bool:
-    """Return whether a part equals its mirror image: solid, mounts, and specified centre of mass and inertia must be equal."""
-    if not isinstance(image, PartRecord) or not isinstance(plain, PartRecord):
-        return False
-    return image.own_image and (image.com, image.matrix) == (plain.com, plain.matrix)

@@ -9,7 +9,7 @@ the mode apply to the modes of the enclosing document.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from itertools import groupby
 from typing import Any, cast
@@ -33,20 +33,18 @@ from thingc.model.resolve.transmissions import coupled_drives, undriven_reported
 from thingc.model.resolve.types import OTHERS, At, Attach, Cut, Hold, Joint, Mode, Reference, Standing
 
 
-def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Hold[Reference], ...]:
-    """Return the mounts that a mode holds to the world.
+def holds(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> Iterator[Hold[Reference]]:
+    """Yield the mounts that a mode holds to the world.
 
     The result includes the holds of the modes that the mode extends. Invalid holds are reported and omitted.
     """
-    resolved: list[Hold[Reference]] = []
     for text, (spec, path) in layers.entries("hold").items():
         reference = references.root(table, scope, text, path, key=True)
         has_pose = isinstance(spec, HoldSpec) and spec.at is None
         pose = scope.pose(spec, path) if has_pose else None
         if reference is not None and (pose is not None or not has_pose):
             turns = isinstance(spec, HoldSpec) and spec.carries == "force"
-            resolved.append(Hold(mount=reference, pose=pose, origin=scope.origin(path, key=True), turns=turns))
-    return tuple(resolved)
+            yield Hold(mount=reference, pose=pose, origin=scope.origin(path, key=True), turns=turns)
 
 
 def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut, ...]:
@@ -210,7 +208,7 @@ def _mode(table: DocumentScope, scope: Scope, name: str, in_cycle: set[str]) -> 
     poses = _poses(table, scope, layers)
     actuators = _actuators(table, scope, layers)
     stepped = layers.sub("simulation")
-    mode_holds, cut = holds(table, scope, layers), cuts(table, scope, layers)
+    mode_holds, cut = tuple(holds(table, scope, layers)), cuts(table, scope, layers)
     cut += tuple(replace(c, joint=f"{path.replace('.', '/')}/{c.joint}") for path, _, inner in table.all_modes() for c in inner.cut)
     feet = standing(table, scope, name, layers, kind)
     if on_floor:
@@ -335,15 +333,10 @@ def _pose(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> str | No
 
 def _poses(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[str, ...]:
     names, path = layers.pick("poses")
-    if names is None:
-        return tuple(table.poses)
-    poses: list[str] = []
-    for index, name in enumerate(names):
-        if name in table.poses and name not in poses:
-            poses.append(name)
-        elif name not in table.poses and not scope.doubts.lacks("poses"):
+    for index, name in enumerate(names or ()):
+        if name not in table.poses and not scope.doubts.lacks("poses"):
             report_unmatched(scope, name, table.poses, (*path, index), "pose")
-    return tuple(poses)
+    return tuple(table.poses) if names is None else tuple(dict.fromkeys(name for name in names if name in table.poses))
 
 
 def _actuators(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[str, ...] | None:

@@ -60,25 +60,22 @@ def overrides(scope: Scope, layers: DefaultLayers) -> Overrides:
     """
     mass, com, inertia = _mass(scope, layers), _com(scope, layers), _inertia(scope, layers)
     collision, visual = layers.pick("collision"), layers.pick("visual")
-    choice, targets = _collision(scope, *collision) if collision else (CollisionChoice(), {})
+    choice = _choice(scope, *collision) if collision else CollisionChoice()
+    by_target = collision.value.by_target if isinstance(collision.value, CollisionSpec) else {}
     process_layers, zero = layers.sub("process"), "`up` must not be zero, found `0 0 0`"
     raw, path = layers.sub("print").pick("up")
     up = raw if raw == "auto" else scope.direction(raw, path, "a component of `up`", Code.OUT_OF_RANGE, zero, "up: [0, 0, 1]")
     if not any((mass, com, inertia, collision, visual, up, process_layers)):
         return NO_OVERRIDES
     return Overrides(
-        mass=mass, com=com, inertia=inertia, collision=choice.collision, pieces=choice.pieces, targets=targets,
+        mass=mass, com=com, inertia=inertia, collision=choice.collision, pieces=choice.pieces,
+        targets={name: _choice(scope, spec, (*collision.path, "targets", name)) for name, spec in by_target.items()},
         visual=visual.value if visual else True, process=process(scope, process_layers) if process_layers else None, up=up,
     )
 
 
-def _collision(scope: Scope, spec: str | CollisionSpec, path: Path) -> tuple[CollisionChoice, dict[str, CollisionChoice]]:
-    """Return the collision shapes in all formats and in single formats, without lists of shapes."""
-    targets = spec.by_target if isinstance(spec, CollisionSpec) else {}
-    return _choice(scope, spec, path), {name: _choice(scope, choice, (*path, "targets", name)) for name, choice in targets.items()}
-
-
 def _choice(scope: Scope, spec: str | ChoiceSpec, path: Path) -> CollisionChoice:
+    """Return the collision shapes in all formats or in one format, without lists of shapes."""
     if isinstance(spec, str):
         return CollisionChoice(collision=spec)
     if spec.shapes is not None:

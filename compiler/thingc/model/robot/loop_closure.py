@@ -46,7 +46,7 @@ def closures_of(
     `memo` caches results.
     """
     sound = _check_cuts(assembly, mode, tree_mates, report)
-    cut = cut_closures(assembly, bodies, tree_mates)
+    cut = tuple(cut_closures(assembly, bodies, tree_mates))
     holds: list[Closure] = []
     start_poses = _start_body_poses(assembly, mode, bodies, memo) if any(hold.pose is None for hold in mode.holds) else ()
     placed = in_link(assembly)
@@ -133,7 +133,7 @@ def _doc_loops(assembly: Assembly, memo: Memo) -> Loops | None:
     if not any(mate.loop is not None for mate in assembly.mates):
         return None
     bodies = bodies_from(assembly, assembly.link_of[assembly.base], tree_mates, NO_POSE, memo)
-    return memo(("loops", None), Loops, bodies, cut_closures(assembly, bodies, tree_mates), joints_of(assembly), NO_POSE)
+    return memo(("loops", None), Loops, bodies, tuple(cut_closures(assembly, bodies, tree_mates)), joints_of(assembly), NO_POSE)
 
 
 def keyframes_of(

@@ -121,7 +121,7 @@ class Loops:
         self._ends = [(tuple(with_ancestors(bodies, c.parent)), tuple(with_ancestors(bodies, c.child))) for c in closures]
         self._needed = sorted({body for pair in self._ends for chain in pair for body in chain})
         self.length = self._extent()
-        self.coordinates = _coordinates(self.joints, self.length)
+        self.coordinates = tuple(_coordinates(self.joints, self.length))
         self._moves = {path: (c.path, share) for c in self.coordinates for path, share in c.moves}
         self._bent = bent(joints)
 
@@ -409,18 +409,15 @@ class Loops:
         return self._move(state, chosen, at_limits, False)
 
 
-def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[LoopCoordinate, ...]:
-    """Create an independent coordinate for every joint that does not mimic another joint, in the order of `joints`.
+def _coordinates(joints: Mapping[str, JointEdge], length: float) -> Iterator[LoopCoordinate]:
+    """Yield an independent coordinate for every joint that does not mimic another joint, in the order of `joints`.
 
     The limits of a coordinate also respect the limits of the joints that mimic its joint.
     """
     followers: dict[str, list[tuple[str, float, float]]] = {}
     for path, (leader, multiplier, offset) in leaders(joints.values()).items():
         followers.setdefault(leader, []).append((path, multiplier, offset))
-    coordinates: list[LoopCoordinate] = []
-    for path in joints:
-        if path not in followers:
-            continue
+    for path in (path for path in joints if path in followers):
         lower, upper = -inf, inf
         for follower, multiplier, offset in followers[path]:
             limit = joints[follower].limit
@@ -435,8 +432,7 @@ def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[LoopCo
             lower, upper = maximum(lower, ends[0]), minimum(upper, ends[1])
         moves = tuple((follower, multiplier) for follower, multiplier, _ in followers[path])
         unit = 1.0 if joints[path].twist.turns else length
-        coordinates.append(LoopCoordinate(path=path, moves=moves, lower=lower, upper=maximum(lower, upper), unit=unit))
-    return tuple(coordinates)
+        yield LoopCoordinate(path=path, moves=moves, lower=lower, upper=maximum(lower, upper), unit=unit)
 
 
 def _chain(joints: Mapping[str, JointEdge], path: str) -> Iterator[JointEdge]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 
 from msgspec.structs import asdict
 
@@ -101,23 +101,21 @@ def base_moves(mode: LinkedMode, root: Pose) -> tuple[TreeJoint, ...]:
     )
 
 
-def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], tree_mates: Collection[int]) -> tuple[Closure, ...]:
-    """Return a loop closure for each joint outside the kinematic tree, including `fixed` joints that close a loop."""
+def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], tree_mates: Collection[int]) -> Iterator[Closure]:
+    """Yield a loop closure for each joint outside the kinematic tree, including `fixed` joints that close a loop."""
     placed = in_link(assembly)
     body_of = {body.link: index for index, body in enumerate(bodies)}
-    closures: list[Closure] = []
     for number, mate in enumerate(assembly.mates):
         if number in tree_mates or not mate.separates:
             continue
         twists, offsets = tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)
         A = placed[mate.parent] @ mate.X_PJ
-        closures.append(Closure(
+        yield Closure(
             path=mate.name or mate.loop or "", hold=False,
             parent=body_of[assembly.link_of[mate.parent]], child=body_of[assembly.link_of[mate.child]],
             X_PA=A @ pose_after(twists, offsets) if twists else A, X_CB=placed[mate.child] @ mate.X_JC.inverse(),
             joints=mate.joints, twists=seen_at_zero(twists, offsets, NO_POSE), origin=mate.origin,
-        ))
-    return tuple(closures)
+        )
 
 
 def _child_body(mate: Mate, number: int, parent: int, link: int, reversed_: bool, placed: tuple[Pose, ...], memo: Memo) -> Body:
