@@ -112,11 +112,14 @@ def fill_drive(tree: Tree, instance: Instance, owner: str, path: str, drive: Dri
         if not part.exact:
             return None
         complete = _fill_missing(drive, part.record.actuator)
-        lacking = _lacking_gain(drive, complete, turns=turns)
-        if lacking is not None:
+        gain = "kp" if complete.kind == "position" and complete.kp is None else "kv"
+        if gain == "kp" or drive.kind == "velocity" and complete.kv is None:
+            help = f"set `kp` in the part's `Actuator`, or write the drive inline: {_INLINE[turns]}"
+            if gain == "kv":
+                help = f"add `kv` next to `component`, for example `kv: 0.1 {'N*m*s/rad' if turns else 'N*s/m'}`"
             tree.findings.error(
-                Code.NO_GAIN, f"{owner} has a {complete.kind} drive, but its actuator has no gain `{lacking[0]}`",
-                drive.origin + instance.origin, path=instance.within(path), help=lacking[1], notes=part.written,
+                Code.NO_GAIN, f"{owner} has a {complete.kind} drive, but its actuator has no gain `{gain}`",
+                drive.origin + instance.origin, path=instance.within(path), help=help, notes=part.written,
             )
         drive = complete
     return _at_joint(drive)
@@ -146,18 +149,9 @@ def _at_joint(drive: Drive) -> Drive:
     )
 
 
-def _lacking_gain(written: Drive, drive: Drive, *, turns: bool) -> tuple[str, str] | None:
-    """Return a missing gain of a drive whose actuator is a component, and a help text. `written` has only the values of the document."""
-    if drive.kind == "position" and drive.kp is None:
-        return "kp", f"set `kp` in the part's `Actuator`, or write the drive inline: {_INLINE[turns]}"
-    if written.kind == "velocity" and drive.kv is None:
-        return "kv", f"add `kv` next to `component`, for example `kv: 0.1 {'N*m*s/rad' if turns else 'N*s/m'}`"
-    return None
-
-
-def first(said: float | None, else_: float | None) -> float | None:
+def first(value: float | None, default: float | None) -> float | None:
     """Return the first of two values that is not None."""
-    return said if said is not None else else_
+    return value if value is not None else default
 
 
 def _fill_missing(drive: Drive, actuator: ActuatorRecord) -> Drive:

@@ -151,8 +151,7 @@ def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | Pa
         record = records.get(definition.text)
         if not isinstance(record, PartRecord):
             continue
-        process = process_of(component, material_of(component, record, scope))
-        slicing = slicing_of(process, component.overrides, record)
+        slicing = slicing_of(process_of(component, material_of(component, record, scope)), component.overrides, record)
         if slicing is not None:
             slicings.setdefault(definition.text, set()).add(slicing)
     return slicings

@@ -41,12 +41,8 @@ def in_scope(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str,
     if isinstance(spec.materials, Mapping):
         return _resolve_materials(scope, spec.materials)
     materials: dict[str, Material | None] = {}
-    seen: set[str] = set()
-    for text in spec.materials:
-        document = context.documents.find_referenced(scope.document, text)
-        if document is None or document.relative in seen:
-            continue
-        seen.add(document.relative)
+    documents = (context.documents.find_referenced(scope.document, text) for text in spec.materials)
+    for document in {document.relative: document for document in documents if document is not None}.values():
         for name, entry in of_document(context, document).items():
             first = materials.setdefault(name, entry)
             if first is not None and entry is not None and first is not entry:

@@ -68,13 +68,11 @@ def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut
         for name in cuttable:
             chosen.setdefault(name, entry_path)
         moving = [name for name, joint in joints.items() if joint is not None and joint.twist is not None]
-        if cuttable or (matches and not resolved):
-            continue
-        if resolved:
+        if resolved and not cuttable:
             fixed = "is a fixed joint" if pattern in joints else "matches only fixed joints"
             message = f"`{pattern}` {fixed}; a loop can only be cut at a joint that moves"
             scope.error(Code.CUT, message, entry_path, help=suggest(pattern, moving, what="joints"))
-        elif not table.may_lack_joints():
+        elif not matches and not table.may_lack_joints():
             report_unmatched(scope, pattern, moving, entry_path, "joint")
     return tuple(Cut(joint=CoordinateName(name).path, origin=scope.origin(entry_path)) for name, entry_path in chosen.items())
 

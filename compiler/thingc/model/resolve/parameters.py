@@ -131,23 +131,18 @@ def check_values(
     scope = context.scope(document, table.values, table.broken)
     valid: dict[str, ExpressionValue] = {}
     for name, value in requested.items():
-        if name not in spec.parameters:
-            if context.doubts(document).lacks("parameters"):
-                continue
-            complain(
-                name, Code.UNKNOWN_PARAMETER, f"{owner} has no parameter `{name}`",
-                help=did_you_mean(name, spec.parameters, what="parameters"),
-                notes=[Note(message=f"{owner} is defined here", span=document.span(("name",)))],
-            )
-            continue
         declared = table.values.get(name)
-        if declared is None:
-            continue
-        note = [Note(message=f"`{name}` is declared here", span=document.span(("parameters", name), key=True))]
-        if not _same_kind(declared, value, scope, spec, name):
-            _report_wrong_type(name, declared, value, owner, complain, note, names)
-            continue
-        if _check_bounds(scope, spec, name, value, complain):
+        if name not in spec.parameters:
+            if not context.doubts(document).lacks("parameters"):
+                complain(
+                    name, Code.UNKNOWN_PARAMETER, f"{owner} has no parameter `{name}`",
+                    help=did_you_mean(name, spec.parameters, what="parameters"),
+                    notes=[Note(message=f"{owner} is defined here", span=document.span(("name",)))],
+                )
+        elif declared is not None and not _same_kind(declared, value, scope, spec, name):
+            note = Note(message=f"`{name}` is declared here", span=document.span(("parameters", name), key=True))
+            _report_wrong_type(name, declared, value, owner, complain, [note], names)
+        elif declared is not None and _check_bounds(scope, spec, name, value, complain):
             valid[name] = value
     return valid
 
@@ -317,16 +312,12 @@ def from_command_line(
     known_expressions = {name: e for name, e in expressions.items() if name in spec.parameters}
     values, _ = evaluate_parameters(document, spec, {**valid, **known_expressions}, quiet, context.doubts(document))
     for name, expression in expressions.items():
-        if name in known_expressions and name not in values:
-            fault = quiet.diagnostics[0] if quiet.diagnostics else None
-            if fault is None and context.doubts(document):
-                continue
-            complain(
-                name, Code.PARAMETER_OPTION, fault.message if fault else f"`{shorten(expression.text)}` cannot be evaluated",
-                help=fault.help if fault else None,
-            )
-            continue
-        valid.update(check_values(context, document, spec, {name: values.get(name, False)}, f"`{spec.name}`", complain))
+        fault = quiet.diagnostics[0] if quiet.diagnostics else None
+        if name not in known_expressions or name in values:
+            valid.update(check_values(context, document, spec, {name: values.get(name, False)}, f"`{spec.name}`", complain))
+        elif fault is not None or not context.doubts(document):
+            message = fault.message if fault else f"`{shorten(expression.text)}` cannot be evaluated"
+            complain(name, Code.PARAMETER_OPTION, message, help=fault.help if fault else None)
     return valid
 
 
@@ -346,19 +337,13 @@ def _parse_options(
         except (UnitError, ExpressionError) as error:
             complain(name, Code.PARAMETER_OPTION, f"parameter `{name}`: {error.message}", help=error.help)
             continue
-        if isinstance(value, Expression):
-            unknown = next((use.name for use in value.names if use.name not in spec.parameters), None)
-            if unknown is not None and context.doubts(document).lacks("parameters"):
-                continue
-            if unknown is not None:
-                complain(
-                    name, Code.PARAMETER_OPTION, f"unknown name `{unknown}` in `{shorten(text)}`",
-                    help=did_you_mean(unknown, spec.parameters, what="parameters"),
-                )
-                continue
-            expressions[name] = value
-        else:
+        if not isinstance(value, Expression):
             values[name] = value
+        elif (unknown := next((use.name for use in value.names if use.name not in spec.parameters), None)) is None:
+            expressions[name] = value
+        elif not context.doubts(document).lacks("parameters"):
+            help = did_you_mean(unknown, spec.parameters, what="parameters")
+            complain(name, Code.PARAMETER_OPTION, f"unknown name `{unknown}` in `{shorten(text)}`", help=help)
     return values, expressions
 
 

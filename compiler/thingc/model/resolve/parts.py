@@ -304,11 +304,9 @@ def of_file(context: ResolveRun, node: ComponentScope, file: str) -> PartDefinit
         return None
     reference = workspace.relative(absolute)
     unit = node.spec.unit or FILE_UNIT
-    faces = None
-    if node.spec.faces is not None:
-        faces = node.scope.count(node.spec.faces, (*node.path, "faces"), "`faces`", least=FEWEST_FACES)
-        if faces is None:
-            return None
+    faces = node.scope.count(node.spec.faces, (*node.path, "faces"), "`faces`", least=FEWEST_FACES)
+    if faces is None and node.spec.faces is not None:
+        return None
     settings: dict[str, Value] = {} if faces is None else {"faces": faces}
     settings |= {} if unit == FILE_UNIT else {"unit": unit}
     text = definition_text(reference, settings, {})

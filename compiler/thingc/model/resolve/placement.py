@@ -11,7 +11,7 @@ from thingc.base.units import ANGLE, LENGTH
 from thingc.documents.spec.assembly import AttachSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun
-from thingc.model.resolve.types import At, Attach, Joint
+from thingc.model.resolve.types import At, Attach
 
 Places = dict[str, list[tuple[str, Span]]]
 """Descriptions of placements (`` `attach` ``, `` joint `yaw` ``) and their locations, by component name."""
@@ -33,8 +33,7 @@ def own_placements(context: ResolveRun, table: DocumentScope, places: Places) ->
         placement: Attach | At | None = context.sound(place, inputs, partial(_attach if key == "attach" else _at, table, node))
         places.setdefault(node.name, []).append((f"`{key}`", node.scope.span((*node.path, key), key=True)))
         placements[node.name] = placement
-        if placement is None:
-            node.unplaced = True
+        node.unplaced = node.unplaced or placement is None
     return placements
 
 
@@ -106,7 +105,9 @@ def check(table: DocumentScope, places: Places, *, unknown_child: bool) -> None:
         if node.incomplete and any(table.doubts.touch((*node.path, key)) for key in ("attach", "at"))
     }
     free = [name for name in table.nodes if name not in places and name not in uncertain]
-    swapped = _perhaps_swapped(table, free)
+    joints = [joint for joint in table.joints.values() if joint is not None and not joint.loop]
+    # the document may have swapped parent and child of joints whose parent is unplaced
+    swapped = {joint.child.path[0]: joint for joint in joints if joint.parent.path and joint.parent.path[0] in free[1:]}
     for name, placements in places.items():
         node = table.nodes[name]
         if len(placements) < 2 or name in uncertain:
@@ -144,15 +145,6 @@ def _report_no_base(table: DocumentScope, places: Places) -> None:
         help=f"remove the placement of one component, for example of `{next(iter(table.nodes))}`{_loop_hint(joint)}",
         notes=[Note(message=f"`{name}` is placed by {ways[0][0]}", span=ways[0][1]) for name, ways in [*places.items()][:4]],
     )
-
-
-def _perhaps_swapped(table: DocumentScope, free: list[str]) -> dict[str, Joint]:
-    """Return the joints whose parent component is unplaced, keyed by child component.
-
-    The document may have swapped the parent and the child.
-    """
-    joints = [joint for joint in table.joints.values() if joint is not None and not joint.loop]
-    return {joint.child.path[0]: joint for joint in joints if joint.parent.path and joint.parent.path[0] in free[1:]}
 
 
 def _loop_hint(way: str) -> str:
