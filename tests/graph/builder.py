@@ -12,7 +12,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Report, Severity
-from thingc.base.inertia import MassProperties
+from thingc.base.inertia import MassProperties, total
 from thingc.base.joints.kinds import KINDS
 from thingc.base.pose import NO_POSE, Pose
 from thingc.base.source import Origin, Span
@@ -52,6 +52,8 @@ from thingc.model.resolve.types import (
     Reference,
     StatedValue,
 )
+from thingc.model.robot.kinematics import body_poses
+from thingc.model.robot.types import Robot
 
 Array = Any
 FILE = "/robots/robot.yaml"
@@ -546,3 +548,18 @@ def notes(report: Report, index: int = 0) -> list[tuple[str, str | None, int | N
     return [
         (n.message, n.span.file if n.span else None, n.span.line if n.span else None) for n in report.diagnostics[index].notes
     ]
+
+
+def mass_properties(robot: Robot, q: Mapping[str, float]) -> MassProperties:
+    """Compute the total mass [kg], the centre of mass [m] and the inertia [kg m^2] of a robot, in the frame of the root link.
+
+    The inertia is about the centre of mass.
+    """
+    links = robot.assembly.links
+    placed = body_poses(robot, q, NO_POSE)
+    return total(links[body.link].properties.seen_from(pose) for body, pose in zip(robot.bodies, placed))
+
+
+def link_names(robot: Robot) -> tuple[str, ...]:
+    """Return the link names of all bodies, in the order of `robot.bodies`."""
+    return tuple(robot.assembly.links[body.link].name for body in robot.bodies)

@@ -12,11 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from graph.builder import as_matrix
+from graph.builder import as_matrix, mass_properties
 from robot.test_spanning_tree_properties import WITHOUT_LEAD, Tree, build, robots, world_of
 from thingc.base.diagnostics import Report
 from thingc.geometry.store.local import Store
-from thingc.model.robot.kinematics import mass_properties
 from thingc.model.robot.tree import in_link
 from thingc.targets.mjcf.emit import emit
 from thingc.targets.request import EmitRequest

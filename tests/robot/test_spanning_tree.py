@@ -23,7 +23,9 @@ from graph.builder import (
     inv,
     joint,
     laid,
+    link_names,
     linked,
+    mass_properties,
     mimic,
     mode,
     notes,
@@ -44,7 +46,7 @@ from thingc.geometry.record import Mesh
 from thingc.model.assembly.types import Assembly, Listed, Surface
 from thingc.model.resolve.types import Standing
 from thingc.model.robot.floor_height import stand
-from thingc.model.robot.kinematics import body_poses, link_names, mass_properties, occurrence_poses
+from thingc.model.robot.kinematics import body_poses, occurrence_poses
 from thingc.model.robot.spanning_tree import root
 from thingc.model.robot.start_pose_checks import check_starts
 from thingc.model.robot.types import Robot

@@ -29,6 +29,7 @@ from graph.builder import (
     joint,
     laid,
     linked,
+    mass_properties,
     mated,
     mode,
     poses,
@@ -43,7 +44,7 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.joints.kinds import KINDS
 from thingc.base.pose import NO_POSE
 from thingc.model.assembly.types import Assembly
-from thingc.model.robot.kinematics import mass_properties, occurrence_poses
+from thingc.model.robot.kinematics import occurrence_poses
 from thingc.model.robot.spanning_tree import root
 from thingc.model.robot.types import Robot
 

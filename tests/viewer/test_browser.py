@@ -18,12 +18,13 @@ from PIL import Image
 
 from conformance.simulation import links as bodies_of_links
 from emit import small_robot
+from graph.builder import link_names
 from loops.robots import compiled
 from mjcf.test_joined import LEGS, MODES
 from robot.test_spanning_tree_properties import build, robots
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.kinematics import coordinates, joints_of
-from thingc.model.robot.kinematics import body_poses, link_names
+from thingc.model.robot.kinematics import body_poses
 from thingc.model.statics.efforts import loads
 from thingc.targets.html.emit import Page
 from thingc.targets.html.mesh_packing import PackedMeshes

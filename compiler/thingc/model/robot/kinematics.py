@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from thingc.base import numeric
-from thingc.base.inertia import MassProperties, total
 from thingc.base.joints.twist import Twist, pose_after, velocities
-from thingc.base.pose import NO_POSE, Pose, Vector, dot
+from thingc.base.pose import Pose, Vector, dot
 from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.tendon_paths import TendonCourse, course
 from thingc.model.assembly.types import LinkedTendon
@@ -75,21 +74,6 @@ def occurrence_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = N
     at = {body.link: pose for body, pose in zip(robot.bodies, body_poses(robot, q, root))}
     assembly = robot.assembly
     return tuple(at[link] @ pose for link, pose in zip(assembly.link_of, in_link(assembly)))
-
-
-def mass_properties(robot: Robot, q: Mapping[str, float]) -> MassProperties:
-    """Compute the total mass [kg], the centre of mass [m] and the inertia [kg m^2] of a robot, in the frame of the root link.
-
-    The inertia is about the centre of mass.
-    """
-    links = robot.assembly.links
-    placed = body_poses(robot, q, NO_POSE)
-    return total(links[body.link].properties.seen_from(pose) for body, pose in zip(robot.bodies, placed))
-
-
-def link_names(robot: Robot) -> tuple[str, ...]:
-    """Return the link names of all bodies, in the order of `robot.bodies`."""
-    return tuple(robot.assembly.links[body.link].name for body in robot.bodies)
 
 
 def course_of(robot: Robot, tendon: LinkedTendon, bodies: Sequence[Pose]) -> TendonCourse:
