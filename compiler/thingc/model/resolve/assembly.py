@@ -58,9 +58,8 @@ def resolve_assembly(
     """
     document = context.documents.by_path[relative]
     declared = declared_parameters(context, document, spec)
-    values, broken = (dict(declared.values), set(declared.broken)) if not overrides else evaluate_parameters(
-        document, spec, overrides, context.report, context.doubts(document),
-    )
+    evaluated = evaluate_parameters(document, spec, overrides, context.report, context.doubts(document)) if overrides else declared
+    values = evaluated.values
     choices = chosen.without_written(context, relative, spec, choices) if choices else ()
     parameters = tuple(sorted((*canonical(values), *choices)))
     key = (relative, parameters)
@@ -68,7 +67,7 @@ def resolve_assembly(
     if cached is not None:
         return cached
     document, spec = substitute(context, document, spec, chosen.values(choices))
-    scope = context.scope(document, values, frozenset(broken))
+    scope = context.scope(document, values, evaluated.broken)
     _check_count(context, scope)
     if overrides:
         check_bounds(scope, spec, [name for name in values if name not in overrides])

@@ -157,8 +157,8 @@ class DocumentScope:
         )
 
 
-class DeclaredParameters(FrozenStruct):
-    """The parameters that a document declares: the valid values from the document, and the names of parameters with invalid values."""
+class ParameterValues(FrozenStruct):
+    """The valid values of the parameters of a document, and the names of the parameters with invalid values."""
 
     values: Mapping[str, ExpressionValue]
     broken: frozenset[str]
@@ -180,7 +180,7 @@ class ResolveRun:
     schemas: Mapping[str, PartSchema | PartFailure]
     report: Report
     tables: dict[tuple[str, tuple[tuple[str, Value], ...]], DocumentScope] = field(default_factory=dict)
-    declared: dict[str, DeclaredParameters] = field(default_factory=dict)
+    declared: dict[str, ParameterValues] = field(default_factory=dict)
     nesting: list[str] = field(default_factory=list)
     route: list[str] = field(default_factory=list)
     parts: dict[str, PartDefinition] = field(default_factory=dict)

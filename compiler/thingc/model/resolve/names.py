@@ -49,17 +49,14 @@ def names(table: DocumentScope, scope: Scope) -> Iterator[NameInFiles]:
                 if not unsure and not any(map(table.doubts.lacks, sections)):
                     help = suggest(own, known, what=what.replace("joint or", "joints or") + "s")
                     scope.error(code, f"this document has no {what} `{own}`", place, key=True, help=help)
-                continue
-            if name in TAKEN.get(kind, ()):
+            elif name in TAKEN.get(kind, ()):
                 scope.error(Code.RESERVED_NAME, f"`{name}` is reserved in files and cannot name `{own}`", place, help="choose another name")
-                continue
-            other = owners.setdefault(name, own)
-            if other != own:
+            elif (other := owners.setdefault(name, own)) != own:
                 scope.error(
                     Code.SAME_NAME, f"`{other}` and `{own}` would both be named `{name}` in files", place,
                     help="rename one of the two elements",
                     notes=scope.second_note(f"`{other}` is defined here", ("names", kind, other), place),
                 )
-                continue
-            path = CoordinateName(own).path if kind == "actuators" else own
-            yield NameInFiles(kind=kind, own=path, name=name, origin=scope.origin(place))
+            else:
+                path = CoordinateName(own).path if kind == "actuators" else own
+                yield NameInFiles(kind=kind, own=path, name=name, origin=scope.origin(place))

@@ -6,6 +6,8 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+from msgspec import structs
+
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.graphs import MAX_CYCLE, format_cycle
 from thingc.base.source import Document, Path
@@ -20,30 +22,29 @@ from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.documents.spec.invalid_entries import InvalidEntries, Specs
 from thingc.documents.workspace import Workspace
 from thingc.geometry.record import Value
-from thingc.model.resolve.document_scope import DeclaredParameters, ResolveRun
+from thingc.model.resolve.document_scope import ParameterValues, ResolveRun
 from thingc.model.resolve.scope import Scope, dimension_message
 
 Complain = Callable[..., None]
 """The function `complain(name, code, message, help=None, notes=())` reports an error at the location where a value is set."""
 
 
-def declared_parameters(context: ResolveRun, document: Document, spec: AssemblySpec) -> DeclaredParameters:
+def declared_parameters(context: ResolveRun, document: Document, spec: AssemblySpec) -> ParameterValues:
     """Return the values of parameters that the document itself specifies, without values from a parent assembly.
 
     Errors are reported. The result is cached for one run.
     """
     declared = context.declared.get(document.relative)
     if declared is None:
-        values, broken = evaluate_parameters(document, spec, {}, context.report, context.doubts(document))
-        out_of_bounds = check_bounds(context.scope(document, values, frozenset(broken)), spec, values)
-        declared = DeclaredParameters(values=values, broken=frozenset(broken | out_of_bounds))
-        context.declared[document.relative] = declared
+        declared = evaluate_parameters(document, spec, {}, context.report, context.doubts(document))
+        out_of_bounds = check_bounds(context.scope(document, declared.values, declared.broken), spec, declared.values)
+        declared = context.declared[document.relative] = structs.replace(declared, broken=declared.broken | out_of_bounds)
     return declared
 
 
 def evaluate_parameters(
     document: Document, spec: AssemblySpec, overrides: Mapping[str, ExpressionValue | Expression], report: Report, doubts: InvalidEntries,
-) -> tuple[dict[str, ExpressionValue], set[str]]:
+) -> ParameterValues:
     """Evaluate all parameters of a document. Return their values, and the names of invalid parameters.
 
     The values in `overrides` replace values in the document. Expressions can refer to other parameters in any order. A cycle of expressions
@@ -87,7 +88,8 @@ def evaluate_parameters(
                 del open_[name]
                 if name not in values and name not in broken:
                     evaluate(name)
-    return {name: values[name] for name in spec.parameters if name in values}, broken
+    in_order = {name: values[name] for name in spec.parameters if name in values}
+    return ParameterValues(values=in_order, broken=frozenset(broken))
 
 
 def _used_names(raw: Any, spec: AssemblySpec) -> Iterator[str]:
@@ -170,7 +172,7 @@ class AssemblyParameters:
         """
         root, context = self._context.documents.root, replace(self._context, report=Report(), quantities=quantities)
         valid = from_command_line(context, root, self._spec, texts)
-        values, _ = evaluate_parameters(root, self._spec, valid, Report(), context.doubts(root))
+        values = evaluate_parameters(root, self._spec, valid, Report(), context.doubts(root)).values
         return {name: value for name, value in values.items() if name in valid or name not in texts}
 
     def check_value(self, name: str, value: ExpressionValue, complain: Complain) -> ExpressionValue | None:
@@ -310,7 +312,7 @@ def from_command_line(
     # Values depend on other options: evaluate all without reporting, then check the results.
     quiet = Report()
     known_expressions = {name: e for name, e in expressions.items() if name in spec.parameters}
-    values, _ = evaluate_parameters(document, spec, {**valid, **known_expressions}, quiet, context.doubts(document))
+    values = evaluate_parameters(document, spec, {**valid, **known_expressions}, quiet, context.doubts(document)).values
     for name, expression in expressions.items():
         fault = quiet.diagnostics[0] if quiet.diagnostics else None
         if name not in known_expressions or name in values:

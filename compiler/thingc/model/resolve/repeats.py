@@ -112,15 +112,12 @@ def check_names(scope: Scope, names: Iterable[tuple[str, Path, str]], *, reserve
     `names` contains tuples of a name, its path in the document, and the type of the element.
     """
     seen: dict[str, tuple[str, Path, str]] = {}
-    reported: set[tuple[Path, Path]] = set()
     for name, path, what in names:
         if reserved and name in RESERVED:
             scope.error(Code.RESERVED_NAME, f"`{name}` is reserved and cannot name {what}", path, key=True, help="choose another name")
             continue
         first = seen.setdefault(name.lower(), (name, path, what))
-        if first[1] == path or (first[1], path) in reported:
-            continue
-        reported.add((first[1], path))
-        note = [Note(message="the other element is defined here", span=scope.span(first[1], key=True))]
-        clash = f"names both {first[2]} and {what}" if first[0] == name else f"and `{first[0]}` differ only in case"
-        scope.error(Code.NAME_CLASH, f"`{name}` {clash}", path, key=True, notes=note, help="rename one of the two elements")
+        if first[1] != path:
+            note = [Note(message="the other element is defined here", span=scope.span(first[1], key=True))]
+            clash = f"names both {first[2]} and {what}" if first[0] == name else f"and `{first[0]}` differ only in case"
+            scope.error(Code.NAME_CLASH, f"`{name}` {clash}", path, key=True, notes=note, help="rename one of the two elements")

@@ -95,9 +95,9 @@ class Scope(FrozenStruct):
         self.reported.add(error)
         self.report.add(code, message, span or self.document.span(path, key=key), help=help, notes=notes, path=format_path(path))
 
-    def second_note(self, message: str, path: Path, error_path: Path, *, key: bool = False) -> list[Note]:
+    def second_note(self, message: str, path: Path, error_path: Path) -> list[Note]:
         """Return a note with `path` as a second location of an error at `error_path`. Return no notes if both are on the same line."""
-        second, first = self.document.span(path, key=key), self.document.span(error_path)
+        second, first = self.document.span(path), self.document.span(error_path)
         return [] if second.line == first.line else [Note(message=message, span=second)]
 
     # --- values ---------------------------------------------------------------------------------------------------

@@ -110,28 +110,22 @@ class _Reader:
             elif isinstance(reading.unit, Dimension):
                 able[reading.name] = reading.unit
         place: Path = (*self.path, key)
-        if not isinstance(written, Mapping):
-            if len(able) > 1:
-                self.scope.error(
-                    Code.BROKEN_RULE, f"a sensor of type `{self.spec.type}` measures several quantities: `{key}` must specify which one",
-                    place, help=f"write, for example, `{key}: {{{next(iter(able))}: ...}}`",
-                )
-                return {}
-            return self._number(key, written, place, *next(iter(able.items())))
-        numbers: dict[str, float] = {}
-        for name, raw in written.items():
-            if name not in able:
-                self.scope.error(
-                    Code.BROKEN_RULE, f"a sensor of type `{self.spec.type}` does not measure `{name}`, so it has no `{key}`",
-                    (*place, name), key=True, help=did_you_mean(name, able, what="readings"),
-                )
+        of_readings = isinstance(written, Mapping)
+        if not of_readings and len(able) > 1:
+            self.scope.error(
+                Code.BROKEN_RULE, f"a sensor of type `{self.spec.type}` measures several quantities: `{key}` must specify which one", place,
+                help=f"write, for example, `{key}: {{{next(iter(able))}: ...}}`",
+            )
+            return {}
+        numbers: dict[str, float | None] = {}
+        for name, raw in written.items() if of_readings else [(next(iter(able)), written)]:
+            at = (*place, name) if of_readings else place
+            if name in able:
+                numbers[name] = self.scope.number(raw, at, able[name], f"`{key}` of sensor `{self.name}`", above=0.0)
             else:
-                numbers |= self._number(key, raw, (*place, name), name, able[name])
-        return numbers
-
-    def _number(self, key: str, raw: Any, place: Path, name: ReadingName, dimension: Dimension) -> dict[str, float]:
-        value = self.scope.number(raw, place, dimension, f"`{key}` of sensor `{self.name}`", above=0.0)
-        return {} if value is None else {name: value}
+                message = f"a sensor of type `{self.spec.type}` does not measure `{name}`, so it has no `{key}`"
+                self.scope.error(Code.BROKEN_RULE, message, at, key=True, help=did_you_mean(name, able, what="readings"))
+        return {name: number for name, number in numbers.items() if number is not None}
 
     def _fovy(self) -> float | None:
         if self.spec.fovy is None:
