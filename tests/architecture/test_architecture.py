@@ -51,7 +51,7 @@ GEOMETRY: dict[str, set[str]] = {
         "things", "mesh_bounds", "features", "declared_interfaces", "record", "record_json", "print_slices", "print_support", "store",
         "key",
     },
-    "lock": {"record", "record_json", "print_slices", "store", "key", "part_source", "build_reasons", "service"},
+    "lock": {"record", "record_json", "print_slices", "store", "key", "build_reasons", "slice_cache"},
 }
 HEAVY = {"numpy", "networkx", "trimesh", "mujoco", "scipy", "rich", "typer", "manifold3d", "coacd", "ruamel", "tomlkit"}
 LIGHT = (

@@ -264,13 +264,13 @@ def test_save_during_a_round_is_not_lost(working: Working, monkeypatch: pytest.M
 
 def test_modelled_parts_of_an_abandoned_round_are_reported(working: Working, monkeypatch: pytest.MonkeyPatch) -> None:
     build, texts = build_document.build, iter([ROBOT.replace("120 deg", "124 deg")])
-    modelled = BuildReason(text="things:Weight", reused=False, reason="first time")
+    modelled = BuildReason(reused=False, reason="first time")
 
     def slow(*arguments: object) -> build_document.BuildResult:
         built = build(*arguments)  # type: ignore[arg-type]
         for text in texts:
             (working.folder / "robot.yaml").write_text(text)
-            built = replace(built, compilation=replace(built.compilation, decisions={modelled.text: modelled}))
+            built = replace(built, compilation=replace(built.compilation, decisions={"things:Weight": modelled}))
         return built
 
     monkeypatch.setattr(build_document, "build", slow)

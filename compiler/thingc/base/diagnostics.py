@@ -408,16 +408,12 @@ class Report:
         If the message or the help text is an unambiguous `Suggestion`, the diagnostic gets an automatic fix. Return False if an `allow`
         entry of the document suppresses the diagnostic, otherwise True.
         """
-        span: Span | None
-        extra: list[Note] = list(notes)
-        if where is None or isinstance(where, Span):
-            span = where
-        else:
-            span = where[0] if where else None
-            extra.extend(Note(message="included from here", span=outer) for outer in where[1:])
+        spans = () if where is None else (where,) if isinstance(where, Span) else where
+        span = spans[0] if spans else None
+        outer_notes = (Note(message="included from here", span=outer) for outer in spans[1:])
         diagnostic = Diagnostic(
             code=code, severity=severity, message=str(message), span=span, path=path, help=text_of(help),
-            notes=tuple(extra), detail=detail, fixes=_fixes(span, message, help), allow=allow,
+            notes=(*notes, *outer_notes), detail=detail, fixes=_fixes(span, message, help), allow=allow,
         )
         return self.say(diagnostic)
 

@@ -45,13 +45,8 @@ class MassProperties(OneLineRepr, FrozenStruct, array_like=True):
         The inertia is scaled by the ratio of the masses. If the mass was 0, the inertia becomes 0.
         """
         scale = mass / self.mass if self.mass > 0.0 else 0.0
-        i = self.inertia
-        scaled: Matrix = (
-            (i[0][0] * scale, i[0][1] * scale, i[0][2] * scale),
-            (i[1][0] * scale, i[1][1] * scale, i[1][2] * scale),
-            (i[2][0] * scale, i[2][1] * scale, i[2][2] * scale),
-        )
-        return replace(self, mass=mass, inertia=scaled)
+        a, b, c = ((x * scale, y * scale, z * scale) for x, y, z in self.inertia)
+        return replace(self, mass=mass, inertia=(a, b, c))
 
 
 def total(bodies: Iterable[MassProperties]) -> MassProperties:

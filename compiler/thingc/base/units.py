@@ -363,17 +363,11 @@ def parse_quantity(text: str, expected: tuple[Dimension, ...] = ()) -> Quantity:
     scanned = scan_number(text, at)
     if scanned is None:
         raise UnitError(f"expected a number with a unit, found `{shorten(text.strip())}`", help="write, for example, `120 mm`")
-    number, at = scanned
-    return _with_unit(text, number, at, expected)
-
-
-def _with_unit(text: str, number: str, at: int, expected: tuple[Dimension, ...]) -> Quantity:
-    begin = at
-    while at < len(text) and text[at].isspace():
-        at += 1
+    number, end_of_number = scanned
+    at = len(text) - len(text[end_of_number:].lstrip())
     if at == len(text):
         return Quantity(to_si(number, (1, 1, NUMBER)))
-    if text[at] == "_" and begin == at:
+    if text[at] == "_" and at == end_of_number:
         raise UnitError(f"expected a number, found `{shorten(text.strip())}`", help="remove `_` from the number")
     if scan_number(text, at) is not None or _UNIT_WORD.match(text, at) is None:
         raise UnitError(

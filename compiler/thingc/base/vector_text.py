@@ -6,6 +6,9 @@ import re
 
 from thingc.base.units import MAX_TEXT, NUMBER, NUMBER_TEXT, Dimension, Quantity, UnitError, scan_number, scan_unit, shorten, to_si
 
+_NUMBERS = re.compile(rf"(?:\s*(?a:{NUMBER_TEXT.pattern}))*\s*")
+"""The numbers at the beginning of a text."""
+
 
 def parse_vector(text: str, expected: tuple[Dimension, ...] = ()) -> tuple[Quantity, Quantity, Quantity]:
     """Parse a vector of three numbers with a common unit, such as `0 120 30 mm`. The vector `0 0 0` does not need a unit.
@@ -14,16 +17,8 @@ def parse_vector(text: str, expected: tuple[Dimension, ...] = ()) -> tuple[Quant
     """
     if len(text) > MAX_TEXT:
         raise UnitError(f"a vector of {len(text)} characters is too long (at most {MAX_TEXT})")
-    numbers: list[str] = []
-    at = 0
-    while True:
-        while at < len(text) and text[at].isspace():
-            at += 1
-        scanned = scan_number(text, at)
-        if scanned is None:
-            break
-        number, at = scanned
-        numbers.append(number)
+    beginning = _NUMBERS.match(text).group()  # type: ignore[union-attr]
+    numbers, at = NUMBER_TEXT.findall(beginning), len(beginning)
     count = {1: "one number", 2: "two numbers"}.get(len(numbers), f"{len(numbers)} numbers")
     problem = "write, for example, `0 120 30 mm` or `[0, 120 mm, 30 mm]`"
     if not numbers:

@@ -11,7 +11,6 @@ from thingc.geometry.record import PartDefinition
 class BuildReason(FrozenStruct):
     """The reason for building a part (`reused` is False) or for reusing it, for example "module `arm` changed"."""
 
-    text: str
     reused: bool
     reason: str
 

@@ -1,4 +1,4 @@
-"""Start and end worker processes, send requests to them, collect the answers, and parse the traces of crashes."""
+"""Start and end worker processes, send requests to them, and collect the answers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import contextlib
 import json
 import os
 import queue
-import re
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -15,10 +14,7 @@ from itertools import islice
 from typing import Any
 
 from thingc.base.json_lines_process import JsonLinesProcess, Lines, ProcessLost
-from thingc.documents.workspace import Workspace
 from thingc.geometry.key.environment_variables import environment
-from thingc.geometry.record import PartFailure
-from thingc.geometry.record_json import full
 from thingc.geometry.worker import process_tree
 
 GRACE = 15.0
@@ -52,9 +48,8 @@ class _Process:
     """A worker process, with the requests that it has not answered yet."""
 
     process: JsonLinesProcess
-    capacity: int
     deadline: float
-    asked: dict[int, Mapping[str, Any]] = field(default_factory=dict)
+    unanswered: dict[int, Mapping[str, Any]] = field(default_factory=dict)
     ready: bool = False
 
 
@@ -86,9 +81,9 @@ class Workers:
         Times in which several workers are busy count only once. The time for loading part modules does not count.
         """
         total, until = 0.0, since
-        for begun, ended in sorted(self._spans):
-            total += max(0.0, ended - max(begun, until))
-            until = max(until, ended)
+        for start, end in sorted(self._spans):
+            total += max(0.0, end - max(start, until))
+            until = max(until, end)
         return total
 
     @property
@@ -118,10 +113,13 @@ class Workers:
         if self.ended:
             raise WorkerBroken(_ENDED)
         self._leave_others()
-        wanted = 1 if self.forking else self.jobs
-        while len(self._processes) < wanted:
-            flags = ["--jobs", str(self.jobs)] if self.forking else ["--inline"]
-            self._processes.append(self._start(flags, self.jobs if self.forking else 1))
+        flags = ["--jobs", str(self.jobs)] if self.forking else ["--inline"]
+        while len(self._processes) < (1 if self.forking else self.jobs):
+            try:
+                process = _server(flags, self.seed, self._lines)
+            except OSError as fault:
+                raise WorkerBroken(_no_process(fault)) from fault
+            self._processes.append(_Process(process=process, deadline=time.monotonic() + LOADING))
 
     def begin(self, requests: Iterable[Mapping[str, Any]]) -> None:
         """Send requests to the workers without waiting for answers.
@@ -144,12 +142,12 @@ class Workers:
     def forget(self, but: Iterable[Mapping[str, Any]] = ()) -> None:
         """Cancel the requests that `begin` sent, except the requests in `but`."""
         self._leave_others()
-        wanted = set(map(_request_text, but))
-        for text in [text for text in self._begun if text not in wanted]:
+        needed = set(map(_request_text, but))
+        for text in [text for text in self._begun if text not in needed]:
             number = self._begun.pop(text)
             self._early.pop(number, None)
             for worker in self._processes:
-                if worker.asked.pop(number, None) is not None:
+                if worker.unanswered.pop(number, None) is not None:
                     worker.process.ask({"forget": number})
 
     def run(self, requests: Iterable[Mapping[str, Any]]) -> Iterator[tuple[Mapping[str, Any], dict[str, Any]]]:
@@ -161,7 +159,7 @@ class Workers:
         source = iter(requests)
         waiting: deque[Mapping[str, Any]] = deque()
         under_way: set[int] = set()
-        lost = 0
+        ended_workers = 0
         while True:
             if not (waiting or under_way):
                 waiting.extend(islice(source, 1))
@@ -169,18 +167,18 @@ class Workers:
                     return
             self.ensure()
             self._hand_out(waiting, source, under_way)
-            heard = self._heard()
-            if heard is None:
+            message = self._next_message()
+            if message is None:
                 continue
-            worker, answer, alive = heard
-            if not alive:
-                left = {number: request for number, request in worker.asked.items() if number in under_way}
-                under_way -= left.keys()
-                lost += 1
-                if self.forking and lost <= 1:  # the forking server itself ended for an unknown reason: send the request a second time
-                    waiting.extendleft(reversed(left.values()))
+            worker, answer, is_alive = message
+            if not is_alive:
+                lost = {number: request for number, request in worker.unanswered.items() if number in under_way}
+                under_way -= lost.keys()
+                ended_workers += 1
+                if self.forking and ended_workers == 1:  # the forking server ended for an unknown reason: send the requests a second time
+                    waiting.extendleft(reversed(lost.values()))
                 else:
-                    yield from ((request, dict(answer)) for request in left.values())
+                    yield from ((request, dict(answer)) for request in lost.values())
                 continue
             number, request = self._match_answer(worker, answer)
             if number in under_way and request is not None:  # otherwise the answer belongs to a run that was abandoned
@@ -190,23 +188,18 @@ class Workers:
     def _hand_out(self, waiting: deque[Mapping[str, Any]], source: Iterator[Mapping[str, Any]], under_way: set[int]) -> None:
         """Send each worker process as many requests as it has capacity for. Requests in `waiting` come before requests from `source`."""
         for worker in self._processes:
-            limit = (2 if self.forking else 1) * worker.capacity - (len(worker.asked) - len(self._begun))
+            limit = (2 * self.jobs if self.forking else 1) - (len(worker.unanswered) - len(self._begun))
             waiting.extend(islice(source, max(0, limit - len(waiting))))
             for _ in range(min(limit, len(waiting))):
                 request = waiting.popleft()
-                under_way.add(self._send(worker, request) if (begun := self._find_begun(request)) is None else begun)
+                number = self._begun.pop(_request_text(request), None)  # the number of a request that `begin` has sent
+                if number is None:
+                    number = self._send(worker, request)
+                elif number in self._early:  # the answer has already arrived
+                    self._lines.put(self._early.pop(number))
+                under_way.add(number)
 
-    def _find_begun(self, request: Mapping[str, Any]) -> int | None:
-        """Return the number of a request that `begin` has already sent to a worker, or None.
-
-        The method `run` then waits for the answer to this request. An answer that has already arrived is put back into the queue.
-        """
-        number = self._begun.pop(_request_text(request), None)
-        if number is not None and number in self._early:
-            self._lines.put(self._early.pop(number))
-        return number
-
-    def _heard(self) -> tuple[_Process, dict[str, Any], bool] | None:
+    def _next_message(self) -> tuple[_Process, dict[str, Any], bool] | None:
         """Wait for a message from any worker process.
 
         The result consists of a worker, its answer and True, or of a worker that was ended, its failure and False. For any other message,
@@ -215,27 +208,27 @@ class Workers:
         try:
             process, answer = self._lines.get(timeout=max(0.05, min(w.deadline for w in self._processes) - time.monotonic()))
         except queue.Empty:
-            worker = min(self._processes, key=lambda w: w.deadline)
-            if worker.deadline > time.monotonic():
+            slowest = min(self._processes, key=lambda w: w.deadline)
+            if slowest.deadline > time.monotonic():
                 return None
-            self._end(worker)
-            return worker, {"failed": "hung", "words": "", "detail": ""}, False
+            self._end(slowest)
+            return slowest, {"failed": "hung", "words": "", "detail": ""}, False
         if not self._processes:  # closed by another thread
             raise WorkerBroken(_ENDED)
-        known = next((one for one in self._processes if one.process is process), None)
-        if known is None:
+        worker = next((known for known in self._processes if known.process is process), None)
+        if worker is None:
             return None
         if answer is None:
-            self._end(known)
-            return known, {"failed": "crashed", "words": "the worker process ended", "detail": ""}, False
+            self._end(worker)
+            return worker, {"failed": "crashed", "words": "the worker process ended", "detail": ""}, False
         if "broken" in answer:
             self.close()
             raise WorkerBroken(f"the CAD kernel cannot be loaded: {answer['broken']}", answer.get("detail", ""))
         if "ready" in answer:
-            known.ready = True
-            self._put_off(known)
+            worker.ready = True
+            self._extend_deadline(worker)
             return None
-        return known, answer, True
+        return worker, answer, True
 
     def _match_answer(self, worker: _Process, answer: dict[str, Any]) -> tuple[int, Mapping[str, Any] | None]:
         """Find the request to which a worker's answer belongs.
@@ -247,12 +240,12 @@ class Workers:
         number: int = answer["id"]
         if number in self._begun.values():
             self._early[number] = (worker.process, answer)
-            self._put_off(worker)
+            self._extend_deadline(worker)
             return number, None
         del answer["id"]
         span = answer.pop("span", None)
-        request = worker.asked.pop(number, None)
-        self._put_off(worker)
+        request = worker.unanswered.pop(number, None)
+        self._extend_deadline(worker)
         if span is not None and request is not None and request["op"] != "describe":
             self._spans.append((span[0], span[1]))
         return number, request
@@ -263,7 +256,7 @@ class Workers:
         ended, self._processes = self._processes, []
         self._begun, self._early = {}, {}
         for worker in ended:
-            if not worker.ready or not self.forking and worker.asked:  # such a worker does not read its input
+            if not worker.ready or not self.forking and worker.unanswered:  # such a worker does not read its input
                 worker.process.kill()
             worker.process.close()
 
@@ -274,8 +267,8 @@ class Workers:
 
     def _end(self, worker: _Process) -> None:
         self._processes.remove(worker)
-        self._begun = {text: number for text, number in self._begun.items() if number not in worker.asked}
-        self._early = {number: early for number, early in self._early.items() if number not in worker.asked}
+        self._begun = {text: number for text, number in self._begun.items() if number not in worker.unanswered}
+        self._early = {number: early for number, early in self._early.items() if number not in worker.unanswered}
         process_tree.stop(worker.process.pid)  # a stopped process cannot fork
         process_tree.end_descendants(worker.process.pid)
         worker.process.kill()
@@ -283,25 +276,18 @@ class Workers:
 
     def _send(self, worker: _Process, request: Mapping[str, Any]) -> int:
         self._number += 1
-        worker.asked[self._number] = request
-        self._put_off(worker)
+        worker.unanswered[self._number] = request
+        self._extend_deadline(worker)
         worker.process.ask({"id": self._number, **request})
         return self._number
 
-    def _put_off(self, worker: _Process) -> None:
+    def _extend_deadline(self, worker: _Process) -> None:
         """Extend the deadline of a worker. Call this method after each message from the worker and each request to it.
 
         A forking worker enforces the deadlines of its children, so the worker sends an answer within each timeout.
         """
-        longest = max((float(request["timeout"]) for request in worker.asked.values()), default=0.0)
+        longest = max((float(request["timeout"]) for request in worker.unanswered.values()), default=0.0)
         worker.deadline = time.monotonic() + longest + (GRACE if self.forking else 0.0) + (0.0 if worker.ready else LOADING)
-
-    def _start(self, flags: Sequence[str], capacity: int) -> _Process:
-        try:
-            process = _server(flags, self.seed, self._lines)
-        except OSError as fault:
-            raise WorkerBroken(_no_process(fault)) from fault
-        return _Process(process=process, capacity=capacity, deadline=time.monotonic() + LOADING)
 
 
 class NoWorkers(Workers):
@@ -321,13 +307,13 @@ class NoWorkers(Workers):
             yield request, {"failed": ABSENT, "words": "the cache does not contain the part", "detail": ""}
 
 
-def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
+def once(request: Mapping[str, Any]) -> dict[str, Any]:
     """Start a new worker process, send one request to it, and return its answer.
 
-    The answer has the same form as in `Workers.run`. `flags` contains command-line options of the worker, such as `--once`.
+    The answer has the same form as in `Workers.run`.
     """
     try:
-        process = _server(flags)
+        process = _server(["--once"])
     except OSError as fault:
         return {"failed": "crashed", "words": _no_process(fault), "detail": ""}
     try:
@@ -347,38 +333,9 @@ def _request_text(request: Mapping[str, Any]) -> str:
 
 
 def _server(flags: Sequence[str], seed: int = 0, lines: Lines | None = None) -> JsonLinesProcess:
-    words = ("--parent", str(os.getpid()), *flags)
-    return JsonLinesProcess("thingc.geometry.worker.server", *words, env=environment(seed), lines=lines)
+    options = ("--parent", str(os.getpid()), *flags)
+    return JsonLinesProcess("thingc.geometry.worker.server", *options, env=environment(seed), lines=lines)
 
 
 def _no_process(fault: OSError) -> str:
     return f"cannot start a worker process: {fault.strerror or fault}"
-
-
-_FRAME = re.compile(r'^\s*File "(?P<file>.+?)", line (?P<line>\d+)', re.MULTILINE)
-
-
-def failure_of(subject: str, answer: Mapping[str, Any], timeout: float, workspace: Workspace) -> PartFailure:
-    """Create the failure of a part whose worker process ended before it answered.
-
-    `answer` describes how the process ended, and `timeout` [s] is the time limit of the request.
-    """
-    file, line = _place_of(answer.get("detail", ""), workspace)
-    message = f"it took longer than {timeout:g} s" if answer["failed"] == "hung" else answer["words"]
-    return PartFailure(
-        subject=subject, kind=answer["failed"], message=message, file=full(file, workspace.root), line=line,
-        detail=answer.get("detail") or None,
-    )
-
-
-def _place_of(trace: str, workspace: Workspace) -> tuple[str | None, int | None]:
-    """Find the innermost line of part code in a crash trace of `faulthandler`, which lists the most recent call first.
-
-    Return the file and the line. Return `(None, None)` if the trace contains no line of a file in a part folder.
-    """
-    folders = tuple(os.path.join(folder, "") for folder in workspace.parts)
-    # with several threads, or after an earlier trace, use the last match
-    for match in _FRAME.finditer(trace[max(trace.rfind("most recent call first"), 0) :]):
-        if match["file"].startswith(folders):
-            return match["file"], int(match["line"])
-    return None, None

@@ -50,9 +50,9 @@ class PartRequests:
         self.schemas: dict[str, PartSchema] = {}
         self.slicings: dict[str, set[LikelySlicing]] = {}
 
-    def around(self, code: CodeIngredients | None) -> dict[str, Any]:
+    def common_fields(self, code: CodeIngredients | None) -> dict[str, Any]:
         """Return the fields that every request to a worker contains: the code, the store, and the limits of time and memory."""
-        return {**self._parts.around(code), "store": self._store.root, "timeout": self._timeout, "memory": self._workspace.part_memory}
+        return {**self._parts.code_fields(code), "store": self._store.root, "timeout": self._timeout, "memory": self._workspace.part_memory}
 
     def given_parameters(self, definition: PartDefinition) -> dict[str, Value]:
         """Return the parameters of a definition that differ from their defaults.
@@ -60,8 +60,8 @@ class PartRequests:
         If the class has not been described, return all parameters.
         """
         schema = self.schemas.get(definition.reference)
-        own = {parameter.name: parameter.default for parameter in schema.parameters} if schema is not None else {}
-        return {name: value for name, value in definition.parameters if repr(value) != repr(own.get(name))}
+        defaults = {parameter.name: parameter.default for parameter in schema.parameters} if schema is not None else {}
+        return {name: value for name, value in definition.parameters if repr(value) != repr(defaults.get(name))}
 
     def expect_slicings(self, definitions: Sequence[PartDefinition], wanted: Mapping[str, Collection[LikelySlicing]]) -> None:
         """Set the slicings that parts will need. `wanted` maps the text of a definition to its slicings."""
@@ -87,22 +87,20 @@ class PartRequests:
 
         `given` contains the parameters that the request sets. If `given` is None, the result of the method `given_parameters` is used.
         """
+        workspace = self._workspace
         code: CodeIngredients | None = None
-        extra: dict[str, str] = {}
-        package = definition.reference
         if definition.kind == "file":
-            state = file_state(definition, self._workspace, self._results)
+            state = file_state(definition, workspace, self._results)
             if isinstance(state, PartFailure):
                 return state
-            extra = {"file": state, **versions_of(OF_FILES, self._parts.file_of, self._store)}
-            package = ""
+            versions = {**self._parts.versions(None), "file": state, **versions_of(OF_FILES, self._parts.file_of, self._store)}
         else:
             checked = self._parts.code(definition.reference)
             if isinstance(checked, PartFailure):
                 return replace(checked, subject=definition.text)
             code = checked
-        workspace = self._workspace
-        build_key = record_key(definition, code, {**self._parts.versions(code, package), **extra}, workspace)
+            versions = self._parts.versions(code, definition.reference)
+        build_key = record_key(definition, code, versions, workspace)
         request = {
             "op": "model",
             "definition": {
@@ -111,6 +109,6 @@ class PartRequests:
                 "placed": code is not None and code.place is not None,
             },
             "tessellations": {"fine": asdict(workspace.mesh), "simulation": asdict(workspace.simulation)},
-            **self.around(code),
+            **self.common_fields(code),
         }
         return PartRequest(subject=definition.text, build_key=build_key, code=code, request=request)

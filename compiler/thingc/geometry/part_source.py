@@ -11,7 +11,7 @@ from thingc.documents.workspace import Workspace
 from thingc.geometry.build_reasons import BuildReason
 from thingc.geometry.key.modules import Module
 from thingc.geometry.lock.json_format import BadLock
-from thingc.geometry.lock.lock import LOCK_FILE, REMAKE, lock_path, report_bad, top_of
+from thingc.geometry.lock.lock import LOCK_FILE, REMAKE, lock_path, report_bad
 from thingc.geometry.part_requests import Likely
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import NO_PIECES, Mesh, PartDefinition, PartFailure, PartRecord, PartSchema, WantedPieces
@@ -111,5 +111,5 @@ def report_gaps(parts: PartSource, report: Report, *, severity: Severity = Sever
     more = [Note(message=f"and {len(labels) - SHOWN} more")] if len(labels) > SHOWN else []
     report.add(
         Code.NOT_LOOKED_AT, f"{what} parameters or a process that `{LOCK_FILE}` does not contain: {their} geometry was not checked",
-        top_of(file), help=REMAKE, notes=[*(Note(message=f"`{label[:200]}`") for label in labels[:SHOWN]), *more], severity=Severity.NOTE,
+        line_of(file), help=REMAKE, notes=[*(Note(message=f"`{label[:200]}`") for label in labels[:SHOWN]), *more], severity=Severity.NOTE,
     )

@@ -20,36 +20,17 @@ from thingc.geometry.key.part_code import PartCode
 from thingc.geometry.key.result_cache import CANDIDATES, CachedResult, Results
 from thingc.geometry.record import Mesh, PartDefinition, PartFailure, PartRecord, WantedPieces
 from thingc.geometry.record_json import blobs_of
+from thingc.geometry.slice_cache import Records
 from thingc.geometry.store.local import Store, StoreUnusable
 from thingc.geometry.store.shared_store import CONVEX
-from thingc.geometry.store.slice_cache import MeshWork, Records
+from thingc.geometry.worker_calls import WorkerCalls
 
 Ran = Mapping[str, Sequence[int] | None]
-"""Numbers of the functions that ran, by label of the module. The value None means that all functions count as executed."""
-
-
-def outline(code: CodeIngredients) -> CodeIngredients:
-    """Return the inputs of a part with its source code reduced to an outline without function bodies."""
-    return dataclasses.replace(code, ingredients={one.label: f"{one.facts.outline} {one.path}" for one in code.sources.values()})
-
-
-def executed_functions(code: CodeIngredients, ran: Mapping[str, Sequence[int] | None]) -> dict[str, Any] | None:
-    """Convert the record of executed functions to the format of the cache: the numbers of the functions by module, and their digest.
-
-    `ran` contains the numbers of the functions by file. Return None if the code does not contain one of the files or functions.
-    """
-    labelled = {code.sources[file].label: numbers for file, numbers in ran.items() if file in code.sources}
-    digest = _digest(code, labelled)
-    return None if digest is None or len(labelled) < len(ran) else {"ran": labelled, "digest": digest}
-
-
-def is_unchanged(code: CodeIngredients, kept: Mapping[str, Any]) -> bool:
-    """Return whether the functions that ran when the cached part was built are unchanged in this code."""
-    digest: str = kept["digest"]
-    return _digest(code, kept["ran"]) == digest
+"""Numbers of the functions that ran, by file or label of the module. The value None means that all functions count as executed."""
 
 
 def _digest(code: CodeIngredients, ran: Ran) -> str | None:
+    """Return a digest of the functions that ran, or None if the code does not contain one of the modules or functions."""
     facts = {one.label: one.facts for one in code.sources.values()}
     digest = hashlib.sha256()
     for label, numbers in sorted(ran.items()):
@@ -60,7 +41,7 @@ def _digest(code: CodeIngredients, ran: Ran) -> str | None:
     return digest.hexdigest()
 
 
-class KeptRecords:
+class CachedRecords:
     """Finds the cached part records of a workspace. A record counts as cached only if the store contains all files to which it refers."""
 
     def __init__(self, workspace: Workspace, store: Store, parts: PartCode, results: Results) -> None:
@@ -68,7 +49,7 @@ class KeptRecords:
 
     def find_record(self, key: str) -> CachedResult | None:
         """Return the cached record or failure of the part with the build key `key`, or None."""
-        return self._results.find("record", key, self._whole)
+        return self._results.find("record", key, self._has_files)
 
     def find(self, definition: PartDefinition, build_key: BuildKey, code: CodeIngredients | None) -> CachedResult | None:
         """Return the cached record of a part, or None.
@@ -76,22 +57,21 @@ class KeptRecords:
         If no record has the part's build key, look for a record with the same outline of the code whose executed functions have not
         changed.
         """
-        kept = self.find_record(build_key.key)
-        if kept is not None or code is None or not code.sources:
-            return kept
-        for one in self._store.get_json("ran", self._outline_key(definition, code)) or ():
-            if not is_unchanged(code, one):
+        cached = self.find_record(build_key.key)
+        if cached is not None or code is None or not code.sources:
+            return cached
+        for entry in self._store.get_json("ran", self._outline_key(definition, code)) or ():
+            if _digest(code, entry["ran"]) != entry["digest"]:
                 continue
-            kept = self.find_record(one["record"])
-            if kept is not None and [list(read) for read in kept.reads] == one["reads"]:  # other reads may run other functions
+            cached = self.find_record(entry["record"])
+            if cached is not None and [list(read) for read in cached.reads] == entry["reads"]:  # other reads may run other functions
                 with contextlib.suppress(StoreUnusable):  # this entry is only an optimisation
-                    self._results.keep("record", build_key, kept.value, list(kept.reads), kept.reason)
-                return kept
+                    self._results.keep("record", build_key, cached.value, list(cached.reads), cached.reason)
+                return cached
         return None
 
     def note_ran(
-        self, definition: PartDefinition, build_key: BuildKey, code: CodeIngredients | None, ran: Mapping[str, Sequence[int] | None] | None,
-        reads: list[list[str]],
+        self, definition: PartDefinition, build_key: BuildKey, code: CodeIngredients | None, ran: Ran | None, reads: list[list[str]],
     ) -> None:
         """Store the functions that ran when a part was built, together with its build key and the states of the files that it read.
 
@@ -99,25 +79,29 @@ class KeptRecords:
         """
         if code is None or not code.sources or ran is None:
             return
-        traces = executed_functions(code, ran)
-        if traces is not None:
+        by_label = {code.sources[file].label: numbers for file, numbers in ran.items() if file in code.sources}
+        digest = _digest(code, by_label)
+        if digest is not None and len(by_label) == len(ran):
             key = self._outline_key(definition, code)
-            others = [one for one in self._store.get_json("ran", key) or () if (one["digest"], one["reads"]) != (traces["digest"], reads)]
-            newest = {**traces, "record": build_key.key, "reads": reads}
+            others = [one for one in self._store.get_json("ran", key) or () if (one["digest"], one["reads"]) != (digest, reads)]
+            newest = {"ran": by_label, "digest": digest, "record": build_key.key, "reads": reads}
             self._store.note_json("ran", key, [newest, *others[: CANDIDATES - 1]])
 
     def _outline_key(self, definition: PartDefinition, code: CodeIngredients) -> str:
-        return record_key(definition, outline(code), self._parts.versions(code, definition.reference), self._workspace).key
+        """Return the key of a part record whose code is reduced to an outline without function bodies."""
+        outlines = {one.label: f"{one.facts.outline} {one.path}" for one in code.sources.values()}
+        outline = dataclasses.replace(code, ingredients=outlines)
+        return record_key(definition, outline, self._parts.versions(code, definition.reference), self._workspace).key
 
-    def _whole(self, value: Any) -> bool:
+    def _has_files(self, value: Any) -> bool:
         return "failure" in value or all(self._store.has(sha256, size) for sha256, size in blobs_of(value["record"]))
 
 
 class ConvexAnswers:
     """A cache of the convex pieces of meshes. `versions` returns the versions of the software that computes them."""
 
-    def __init__(self, work: MeshWork, versions: Callable[[], Mapping[str, str]]) -> None:
-        self._work = work
+    def __init__(self, calls: WorkerCalls, versions: Callable[[], Mapping[str, str]]) -> None:
+        self._calls = calls
         self._versions = versions
 
     def add(self, records: Records, convex: WantedPieces) -> None:
@@ -137,7 +121,7 @@ class ConvexAnswers:
 
     def pieces(self, wanted: Collection[tuple[str, int]]) -> dict[tuple[str, int], tuple[Mesh, ...] | PartFailure]:
         """Return the convex pieces of meshes, each with the largest number of pieces (0 for any number)."""
-        store = self._work.store
+        store = self._calls.store
         version = "".join(self._versions().values()) if wanted else ""
         pieces: dict[tuple[str, int], tuple[Mesh, ...] | PartFailure] = {}
         requests = []
@@ -146,11 +130,11 @@ class ConvexAnswers:
             if kept is not None and all(store.has(piece.sha256, piece.size) for piece in kept):
                 pieces[mesh, most] = kept
             else:
-                requests.append(self._work.request("decompose", mesh, most=most))
-        for request, answer in self._work.run(requests, "decomposing"):
+                requests.append(self._calls.request(op="decompose", mesh=mesh, most=most))
+        for request, answer in self._calls.run(requests, "decomposing"):
             mesh, most = request["mesh"], request["most"]
             if "failed" in answer:
-                pieces[mesh, most] = self._work.broken(mesh, answer)
+                pieces[mesh, most] = self._calls.failure(mesh, answer)
                 continue
             made = answer["answer"]["pieces"]
             store.put_json(CONVEX, f"{version} {mesh} {most}", made)

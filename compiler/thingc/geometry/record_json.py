@@ -14,18 +14,20 @@ from msgspec.structs import replace
 
 from thingc.geometry.record import ImpureInputs, PartFailure, PartRecord, PartSchema
 
+File = TypeVar("File", str, str | None)
 
-def relative_path(file: str | None, root: str) -> str | None:
+
+def relative_path(file: File, root: str) -> File:
     """Return the path of a file relative to the workspace, with `/` as separator. A path outside of the workspace is unchanged."""
     if file is None:
-        return None
+        return file
     inside = os.path.join(root, "")
     return file[len(inside) :].replace(os.sep, "/") if file.startswith(inside) else file
 
 
-def full(file: str | None, root: str) -> str | None:
+def full(file: File, root: str) -> File:
     """Return the absolute path for a path that `relative_path` returned."""
-    return None if file is None else os.path.normpath(os.path.join(root, file))
+    return file if file is None else os.path.normpath(os.path.join(root, file))
 
 
 # --- schemas and failures ---------------------------------------------------------------------------------------------
@@ -65,7 +67,7 @@ def record_to_json(record: PartRecord, root: str) -> Any:
     The JSON does not contain `convex` and `slices`, which are cached separately. The JSON also contains `mount_order`, because the store
     sorts the keys of objects.
     """
-    code = None if record.code is None else (relative_path(record.code[0], root) or "", record.code[1])
+    code = None if record.code is None else (relative_path(record.code[0], root), record.code[1])
     warnings = tuple(replace(warning, file=relative_path(warning.file, root)) for warning in record.warnings)
     plain = replace(record, code=code, warnings=warnings, convex={}, slices={})
     return {**to_builtins(plain, order="deterministic"), "mount_order": list(record.mounts)}
@@ -74,7 +76,7 @@ def record_to_json(record: PartRecord, root: str) -> Any:
 def record_from_json(value: Any, root: str) -> PartRecord:
     """Convert a JSON value to a part record without convex pieces and slices. This function is the inverse of `record_to_json`."""
     record = convert({**value, "mounts": {name: value["mounts"][name] for name in value["mount_order"]}}, PartRecord)
-    code = None if record.code is None else (full(record.code[0], root) or "", record.code[1])
+    code = None if record.code is None else (full(record.code[0], root), record.code[1])
     return replace(record, code=code, warnings=tuple(replace(warning, file=full(warning.file, root)) for warning in record.warnings))
 
 

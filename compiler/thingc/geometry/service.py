@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from importlib.util import find_spec
-from itertools import chain
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from msgspec import convert, to_builtins
@@ -28,23 +27,13 @@ from thingc.geometry.lock.lock import LOCK_FILE, Lock
 from thingc.geometry.lock.reader import LockAnswers
 from thingc.geometry.part_requests import Likely, PartRequest, PartRequests
 from thingc.geometry.print_slices import Slicing
-from thingc.geometry.record import (
-    NO_PIECES,
-    AssemblyFailed,
-    Mesh,
-    PartDefinition,
-    PartFailure,
-    PartRecord,
-    PartSchema,
-    Placed,
-    StoredFile,
-    WantedPieces,
-)
-from thingc.geometry.record_cache import ConvexAnswers, KeptRecords
+from thingc.geometry.record import NO_PIECES, Mesh, PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile, WantedPieces
+from thingc.geometry.record_cache import CachedRecords, ConvexAnswers
 from thingc.geometry.record_json import from_json, record_from_json, with_left
+from thingc.geometry.slice_cache import SliceCache, lacking
 from thingc.geometry.store.build_locks import BuildLocks
-from thingc.geometry.store.local import Store, StoreUnusable
-from thingc.geometry.store.slice_cache import MeshWork, SliceCache, lacking
+from thingc.geometry.store.local import Store
+from thingc.geometry.worker_calls import Progress, WorkerCalls
 
 if TYPE_CHECKING:
     from thingc.geometry.client import Workers
@@ -61,7 +50,6 @@ RECENT = 512
 reason that a later `realize` gives for reusing it. If the cache is full, the oldest record is removed.
 """
 
-Progress = Callable[[str, int, int], None]
 Result = TypeVar("Result")
 Printed = Callable[[str, Sequence[str]], None]
 
@@ -96,18 +84,15 @@ class GeometryService:
         self.decisions: dict[str, BuildReason] = {}
         self.wanted: tuple[PartDefinition, ...] = ()
         self._jobs = jobs
-        self._seed = seed
-        self._on_progress = on_progress
         self._on_printed = on_printed
-        self._workers, self._lent = workers, workers is not None
+        self._calls = WorkerCalls(workspace, store, jobs, timeout, workers, seed, on_progress)
         self.part_code = PartCode(workspace, store)
         self._results = Results(store, workspace.root)
-        self._kept = KeptRecords(workspace, store, self.part_code, self._results)
+        self._records = CachedRecords(workspace, store, self.part_code, self._results)
         self._requests = PartRequests(workspace, store, timeout, self.part_code, self._results)
         self._build_locks = BuildLocks(store)
-        mesh_work = MeshWork(store, timeout, self._run, self._crash_failure)
-        self._slices = SliceCache(mesh_work, lambda: self.part_code.versions(None))
-        self._convex = ConvexAnswers(mesh_work, lambda: versions_of(["coacd", "manifold3d"], self.part_code.file_of, store))
+        self._slices = SliceCache(self._calls, lambda: self.part_code.versions(None))
+        self._convex = ConvexAnswers(self._calls, lambda: versions_of(["coacd", "manifold3d"], self.part_code.file_of, store))
         self._recent: dict[tuple[PartDefinition, tuple[int, ...]], tuple[PartRecord, str]] = {}
         self._expected: dict[str, CachedResult] = {}
         self._locked = LockAnswers(lock, workspace, self.part_code)
@@ -138,7 +123,7 @@ class GeometryService:
 
     def warm(self) -> None:
         """Start the worker without waiting, so that it loads the kernel while the caller continues."""
-        self._worker_pool().warm()
+        self._calls.pool().warm()
 
     def anticipate(self) -> bool:
         """Start to load the CAD kernel if there was no previous run in this workspace, or if a file that parts depend on has changed since
@@ -157,25 +142,23 @@ class GeometryService:
         `saved` contains the absolute paths of changed files. Workers build these parts while the classes are described. `realize` uses a
         result if the part still has the same parameters as in `last`, with the current default values.
         """
-        begun = 0
-        self._worker_pool().prepare([path for path in saved if path.endswith(".py")])
+        count = 0
+        self._calls.pool().prepare([path for path in saved if path.endswith(".py")])
         self._requests.slicings = dict(last._requests.slicings)
         for definition in last.wanted:
             prepared = self._requests.prepare(definition, last._requests.given_parameters(definition))
             if isinstance(prepared, PartFailure):
                 continue
-            kept = self._kept.find(definition, prepared.build_key, prepared.code)
-            if kept is not None:
-                self._expected[prepared.build_key.key] = kept
-            elif begun < self._jobs:
-                self._worker_pool().begin([self._requests.modelling(definition, prepared)])
-                begun += 1
+            cached = self._records.find(definition, prepared.build_key, prepared.code)
+            if cached is not None:
+                self._expected[prepared.build_key.key] = cached
+            elif count < self._jobs:
+                self._calls.pool().begin([self._requests.modelling(definition, prepared)])
+                count += 1
 
     def close(self) -> None:
         """End the workers, unless they are shared."""
-        if self._workers is not None and not self._lent:
-            self._workers.close()
-            self._workers = None
+        self._calls.close()
 
     def catalogue(self) -> list[str]:
         """Return `module:Class` of every public class in the part folders and in the allowed packages tracked by content."""
@@ -221,21 +204,18 @@ class GeometryService:
                 answers[reference] = code
                 continue
             build_key = schema_key(reference, code, self.part_code.versions(code, reference))
-            kept = self._results.find("schema", build_key.key)
-            if kept is not None:
-                answers[reference] = self._schema(reference, kept.value, code)
-                self.reads[reference] = dict(kept.reads)
-                continue
-            locked = self._locked.schema(reference)
-            if locked is not None:
+            if (cached := self._results.find("schema", build_key.key)) is not None:
+                answers[reference] = self._schema(reference, cached.value, code)
+                self.reads[reference] = dict(cached.reads)
+            elif (locked := self._locked.schema(reference)) is not None:
                 answers[reference] = locked
-                continue
-            request = {"op": "describe", "references": [reference], **self._requests.around(code)}
-            task = PartRequest(subject=reference, build_key=build_key, code=code, request=request)
-            tasks.setdefault(reference.partition(":")[0], []).append(task)
+            else:
+                request = {"op": "describe", "references": [reference], **self._requests.common_fields(code)}
+                task = PartRequest(subject=reference, build_key=build_key, code=code, request=request)
+                tasks.setdefault(reference.partition(":")[0], []).append(task)
         groups = list(tasks.values())  # one child process per module, so that shared code of the classes in a file is loaded once
         if meanwhile is not None:
-            self._worker_pool().begin(self._describing(groups))
+            self._calls.pool().begin(self._describing(groups))
             meanwhile()
         self._describe_in_workers(groups, answers)
         return answers
@@ -243,39 +223,38 @@ class GeometryService:
     def _describing(self, groups: list[list[PartRequest]]) -> Iterator[dict[str, Any]]:
         for index, group in enumerate(groups):
             references = [task.subject for task in group]
-            placed = [one for one in references if (code := self.code(one)) is not None and code.place is not None]
+            placed = [task.subject for task in group if task.code is not None and task.code.place is not None]
             yield {**group[0].request, "references": references, "placed": placed, "group": index}
 
     def _describe_in_workers(self, groups: list[list[PartRequest]], described: dict[str, PartSchema | PartFailure]) -> None:
         if not groups:
             return
-        alone: list[list[PartRequest]] = []
-        for request, answer in self._run(list(self._describing(groups))):
+        single: list[list[PartRequest]] = []
+        for request, answer in self._calls.run(list(self._describing(groups))):
             group = groups[request["group"]]
             if "failed" in answer:
                 if len(group) > 1:  # a class ended the process: describe each class in its own process
-                    alone.extend([task] for task in group)
+                    single.extend([task] for task in group)
                 else:
                     self._show_printed(group[0].subject, answer)
-                    described[group[0].subject] = self._crash_failure(group[0].subject, answer)
+                    described[group[0].subject] = self._calls.failure(group[0].subject, answer)
                 continue
-            given = answer["answer"]
-            failed = [task.subject for task in group if "failure" in given["answers"][task.subject]]
+            values, reads = answer["answer"]["answers"], answer["answer"]["reads"]
+            failed = [task.subject for task in group if "failure" in values[task.subject]]
             if failed:  # the output of other classes is shown when their parts are built
                 self._show_printed(failed[0], answer)
             for task in group:
-                value = given["answers"][task.subject]
                 # the classes of a module are described together, so files that one class reads count for all classes
-                self._results.keep("schema", task.build_key, value, given["reads"])
-                self.reads[task.subject] = dict(given["reads"])
-                described[task.subject] = self._schema(task.subject, value, self.part_code.code(task.subject))
-        self._describe_in_workers(alone, described)
+                self._results.keep("schema", task.build_key, values[task.subject], reads)
+                self.reads[task.subject] = dict(reads)
+                described[task.subject] = self._schema(task.subject, values[task.subject], task.code)
+        self._describe_in_workers(single, described)
 
-    def _schema(self, reference: str, value: Any, code: CodeIngredients | None | PartFailure) -> PartSchema | PartFailure:
+    def _schema(self, reference: str, value: Any, code: CodeIngredients | None) -> PartSchema | PartFailure:
         if "failure" in value:
             return self.part_code.with_namesakes(from_json(value["failure"], self.workspace.root, PartFailure))
         schema = from_json(value["schema"], self.workspace.root, PartSchema)
-        if isinstance(code, CodeIngredients) and code.place is not None:  # new comments change line numbers without a rebuild
+        if code is not None and code.place is not None:  # new comments change line numbers without a rebuild
             schema = replace(schema, file=code.place[0], line=code.place[1])
         self._requests.schemas[reference] = schema
         return schema
@@ -293,7 +272,7 @@ class GeometryService:
         self.decisions = {}
         self.wanted = tuple(definitions)
         answers: dict[str, PartRecord | PartFailure] = {}
-        unmade: list[tuple[PartDefinition, PartRequest]] = []
+        missing: list[tuple[PartDefinition, PartRequest]] = []
         unique = {definition.text: definition for definition in definitions}
         build_keys: dict[str, BuildKey] = {}
         for text, definition in unique.items():
@@ -308,20 +287,18 @@ class GeometryService:
                 continue
             build_key, code = prepared.build_key, prepared.code
             build_keys[text] = build_key
-            kept = self._expected.get(build_key.key) or self._kept.find(definition, build_key, code)
-            if kept is not None:
-                self._decide(text, True, unchanged_reason(kept.reason))
-                answers[text] = self._record(kept.value, code)
-                self.reads[text] = dict(kept.reads)
-            elif locked and (held := self._locked.record(definition)) is not None:
+            cached = self._expected.get(build_key.key) or self._records.find(definition, build_key, code)
+            if cached is not None:
+                answers[text] = self._reuse(text, cached, code)
+            elif locked and (locked_record := self._locked.record(definition)) is not None:
                 self._decide(text, True, f"{LOCK_FILE} contains it")
-                answers[text] = held
+                answers[text] = locked_record
                 del build_keys[text]  # no part was built; `thingc why` reports the last build
             else:
-                unmade.append((definition, prepared))
-        tasks = self._tasks(unmade, likely)
-        if self._workers is not None:
-            self._workers.forget([task.request for task in tasks])
+                missing.append((definition, prepared))
+        tasks = self._tasks(missing, likely)
+        if self._calls.workers is not None:
+            self._calls.workers.forget([task.request for task in tasks])
         with closing(self._build_locks):
             self._model(tasks, unique, answers)
         self._results.remember(
@@ -371,63 +348,61 @@ class GeometryService:
         If another process is building a part, wait for its result.
         """
         by_text = {task.subject: task for task in tasks}
-        elsewhere: list[PartRequest] = []
+        built_elsewhere: list[PartRequest] = []
 
-        def reuse(task: PartRequest) -> bool:
+        def find(task: PartRequest) -> bool:
             """Return whether another process has built the part since the request was created."""
-            kept = self._kept.find_record(task.build_key.key)
-            if kept is not None:
-                self._decide(task.subject, True, unchanged_reason(kept.reason))
-                self.reads[task.subject] = dict(kept.reads)
-                answers[task.subject] = self._record(kept.value, task.code)
+            cached = self._records.find_record(task.build_key.key)
+            if cached is not None:
+                answers[task.subject] = self._reuse(task.subject, cached, task.code)
                 self._build_locks.give_back(task.build_key.key)
-            return kept is not None
+            return cached is not None
 
-        def own() -> Iterator[dict[str, Any]]:
+        def needed() -> Iterator[dict[str, Any]]:
+            # without workers, do not wait for other processes
+            has_workers = self._calls.workers is None or self._calls.workers.there
             for task in tasks:
-                if self._workers is not None and not self._workers.there:  # there are no workers, so do not wait for other processes
-                    yield task.request
-                elif not self._build_locks.take(task.build_key.key):
-                    elsewhere.append(task)
-                elif not reuse(task):
+                if has_workers and not self._build_locks.take(task.build_key.key):
+                    built_elsewhere.append(task)
+                elif not (has_workers and find(task)):
                     yield task.request
 
-        def take_in(said: Iterable[tuple[dict[str, Any], dict[str, Any]]]) -> None:
-            for request, answer in said:
+        def build(answered: Iterable[tuple[Mapping[str, Any], dict[str, Any]]]) -> None:
+            for request, answer in answered:
                 task = by_text[request["definition"]["text"]]
                 answers[task.subject] = self._store_result(task, definitions[task.subject], answer)
                 self._build_locks.give_back(task.build_key.key)
 
-        take_in(self._run([task.request for task in tasks], "modelling", own()))
-        for task in elsewhere:
+        build(self._calls.run([task.request for task in tasks], "modelling", needed()))
+        for task in built_elsewhere:
             if task.subject not in answers:
                 self._build_locks.wait(task.build_key.key, self.timeout + PATIENCE)
-                if not reuse(task):
-                    take_in(self._run([task.request]))
+                if not find(task):
+                    build(self._calls.run([task.request]))
 
     def _store_result(self, task: PartRequest, definition: PartDefinition, answer: dict[str, Any]) -> PartRecord | PartFailure:
         """Store the record or failure that a worker created for a part definition, and return it."""
         self._decide(task.subject, False, task.reason)
         self._show_printed(definition.label, answer)
         if "failed" in answer:
-            broken = self._crash_failure(task.subject, answer)
+            broken = self._calls.failure(task.subject, answer)
             if definition.kind == "file" and broken.kind == "crashed" and broken.message.startswith("killed by"):
                 return replace(broken, kind="invalid", message=f"the file is damaged, or the CAD kernel cannot read it ({broken.message})")
             return broken
-        given = with_left(answer["answer"], answer.get("left", ()))
-        reads, ran, slices = given.pop("reads"), given.pop("ran", None), given.pop("slices", ())
-        self._results.keep("record", task.build_key, given, reads, task.reason)
+        value = with_left(answer["answer"], answer.get("left", ()))
+        reads, ran, slices = value.pop("reads"), value.pop("ran", None), value.pop("slices", ())
+        self._results.keep("record", task.build_key, value, reads, task.reason)
         if not answer.get("left"):
-            self._kept.note_ran(definition, task.build_key, task.code, ran, reads)
+            self._records.note_ran(definition, task.build_key, task.code, ran, reads)
         self.reads[task.subject] = dict(reads)
-        record = self._record(given, task.code)
+        record = self._record(value, task.code)
         self._slices.keep(record, slices)
         return record
 
     def in_store(self, definition: PartDefinition) -> bool:
         """Return whether the store contains the record of a part definition."""
         prepared = self._requests.prepare(definition)
-        return not isinstance(prepared, PartFailure) and self._kept.find(definition, prepared.build_key, prepared.code) is not None
+        return not isinstance(prepared, PartFailure) and self._records.find(definition, prepared.build_key, prepared.code) is not None
 
     def _record(self, value: Any, code: CodeIngredients | None) -> PartRecord | PartFailure:
         if "failure" in value:
@@ -435,8 +410,14 @@ class GeometryService:
         record = record_from_json(value["record"], self.workspace.root)
         return replace(record, code=code.place) if code is not None and code.place is not None else record
 
+    def _reuse(self, text: str, cached: CachedResult, code: CodeIngredients | None) -> PartRecord | PartFailure:
+        """Return the cached record of a part, and store its reads and the reason for reusing the part."""
+        self._decide(text, True, unchanged_reason(cached.reason))
+        self.reads[text] = dict(cached.reads)
+        return self._record(cached.value, code)
+
     def _decide(self, text: str, reused: bool, reason: str) -> None:
-        self.decisions[text] = BuildReason(text=text, reused=reused, reason=reason)
+        self.decisions[text] = BuildReason(reused=reused, reason=reason)
 
     def slice(
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
@@ -446,10 +427,10 @@ class GeometryService:
 
         `wanted` contains the slicings to compute for each definition text. `records` contains the part records before slicing.
         """
-        modelled = [definition for definition in definitions if definition.text in lacking(records, wanted)]  # records from the lock
-        if modelled:
+        from_lock = [definition for definition in definitions if definition.text in lacking(records, wanted)]
+        if from_lock:
             decisions = self.decisions
-            records = {**records, **self.realize(modelled, locked=False)}
+            records = {**records, **self.realize(from_lock, locked=False)}
             self.decisions = {**decisions, **self.decisions}
         self._requests.expect_slicings(definitions, {text: [(one, False) for one in slicings] for text, slicings in wanted.items()})
         return self._slices.add_slices(records, wanted)
@@ -461,14 +442,13 @@ class GeometryService:
 
         Raises `AssemblyFailed` if the kernel cannot write the file.
         """
-        listed = to_builtins(instances)
-        key = repr([name, sorted(self.part_code.versions(None).items()), listed])
-        kept = self.store.get_json("step", key)
-        if kept is not None and self.store.has(kept["sha256"], kept["size"]):
-            return convert(kept, StoredFile)
-        made = self._answer(name, {"op": "call", "function": ASSEMBLE, "arguments": [name, listed]})
-        self.store.put_json("step", key, made)
-        return convert(made, StoredFile)
+        values = to_builtins(instances)
+        key = repr([name, sorted(self.part_code.versions(None).items()), values])
+        file = self.store.get_json("step", key)
+        if file is None or not self.store.has(file["sha256"], file["size"]):
+            file = self._calls.call_kernel(name, op="call", function=ASSEMBLE, arguments=[name, values])
+            self.store.put_json("step", key, file)
+        return convert(file, StoredFile)
 
     def features(self, breps: Collection[str]) -> dict[str, Features]:
         """Return the cylinders and planar faces of B-reps in the store by their digests. Raises `AssemblyFailed` as `search` does."""
@@ -483,81 +463,15 @@ class GeometryService:
         module = find_spec(function.partition(":")[0])
         versions = [*sorted(self.part_code.versions(None).items()), state_of(module.origin) if module and module.origin else ""]
         keys = {brep: repr([function, brep, versions]) for brep in sorted(breps)}
-        found = {brep: kept for brep, key in keys.items() if (kept := self.store.get_json("searches", key)) is not None}
-        missing = [brep for brep in keys if brep not in found]
+        results = {brep: self.store.get_json("searches", key) for brep, key in keys.items()}
+        missing = [brep for brep, result in results.items() if result is None]
         if missing:
-            for brep, made in self._answer(function, {"op": "search", "function": function, "breps": missing})["found"].items():
-                self.store.put_json("searches", keys[brep], made)
-                found[brep] = made
-        return {brep: convert(made, kind) for brep, made in found.items()}
-
-    def _answer(self, what: str, request: dict[str, Any]) -> dict[str, Any]:
-        """Send a request that only requires OCP to a running worker, or to a new process if no worker is running.
-
-        `what` names the request in the error. Raises `AssemblyFailed` if the worker has no answer.
-        """
-        request = {**request, "store": self.store.root, "timeout": self.timeout}
-        if self._workers is not None and self._workers.running:
-            (_, answer), *_ = list(self._run([request]))
-        else:
-            from thingc.geometry.client import once
-
-            self.store.check()
-            answer = once(["--once"], request)
-        if "answer" not in answer:
-            raise AssemblyFailed(what, answer.get("words") or answer["failed"], answer.get("detail", ""))
-        return answer["answer"]  # type: ignore[no-any-return]
-
-    # --- workers -----------------------------------------------------------------------------------
-
-    def _worker_pool(self) -> Workers:
-        if self._workers is None:
-            from thingc.geometry.client import Workers
-
-            self.store.check()
-            self._workers = Workers(self._jobs, seed=self._seed)
-        return self._workers
-
-    def _run(self, requests: Sequence[dict[str, Any]], what: str = "", wanted: Iterator[dict[str, Any]] | None = None) -> Any:
-        """Send requests to the worker processes, and yield each request with its answer as the answer arrives.
-
-        If no worker starts, every request fails. `wanted` yields the requests that are still needed when they are about to be sent.
-        """
-        chosen = iter(requests) if wanted is None else wanted
-        first = next(chosen, None)
-        if first is None:
-            return
-        from thingc.geometry.client import WorkerBroken
-
-        done = 0
-        self._progress(what, done, len(requests))
-        answered: set[int] = set()
-        try:
-            for request, answer in self._worker_pool().run(chain((first,), chosen)):
-                done += 1
-                answered.add(id(request))
-                self._progress(what, done, len(requests))
-                if answer.get("failed") == "unusable":
-                    raise StoreUnusable(self.store.root, answer["words"])
-                yield request, answer
-        except WorkerBroken as fault:
-            failed = {"failed": "crashed", "words": str(fault), "detail": fault.detail}
-            for request in requests:
-                if id(request) not in answered:
-                    yield request, failed
-
-    def _progress(self, what: str, done: int, total: int) -> None:
-        if self._on_progress is not None and what:
-            self._on_progress(what, done, total)
+            found = self._calls.call_kernel(function, op="search", function=function, breps=missing)["found"]
+            for brep, result in found.items():
+                self.store.put_json("searches", keys[brep], result)
+            results |= found
+        return {brep: convert(result, kind) for brep, result in results.items()}
 
     def _show_printed(self, part: str, answer: Mapping[str, Any]) -> None:
         if self._on_printed is not None and "printed" in answer:
             self._on_printed(part, answer["printed"])
-
-    def _crash_failure(self, subject: str, answer: dict[str, Any]) -> PartFailure:
-        """Create the failure of a part whose worker process ended or failed while it built the part. The failure is not cached, so that the
-        next run builds the part again.
-        """
-        from thingc.geometry.client import failure_of
-
-        return failure_of(subject, answer, self.timeout, self.workspace)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from thingc.modes.frames import Array, pose, quaternion_of, rotation_of
 from thingc.modes.placements import find_displaced
 from thingc.modes.state import State
 from thingc.modes.tree import Inertias, Mode
+
+Result = TypeVar("Result")
 
 FREE = 0
 """The number of the type `free` in MuJoCo's `mjtJoint`."""
@@ -58,17 +60,16 @@ def map_model(mode: Mode, model: Any) -> ModelMap:
 
     Raises `WrongData` if the model differs from the mode in its links, their parents, its base, or the poses of links, joints or mounts.
     """
-    model_map: ModelMap = _from_cache(_new_map, mode, model)
-    return model_map
+    return _from_cache(_new_map, mode, model)
 
 
-def _from_cache(make: Callable[[Mode, Any], Any], mode: Mode, model: Any) -> Any:
+def _from_cache(make: Callable[[Mode, Any], Result], mode: Mode, model: Any) -> Result:
     """Return the result of `make(mode, model)`, from the cache if possible.
 
     All MuJoCo models with the same structure share a cached result.
     """
     key = tuple([model.names if name == "names" else getattr(model, name).tobytes() for name in STRUCTURE])
-    results = _results(make, mode)
+    results: dict[tuple[bytes, ...], Result] = _results(make, mode)
     if key not in results:
         result = make(mode, model)
         while len(results) >= RESULTS:
@@ -78,7 +79,7 @@ def _from_cache(make: Callable[[Mode, Any], Any], mode: Mode, model: Any) -> Any
 
 
 @lru_cache(maxsize=128)
-def _results(make: Callable[[Mode, Any], Any], mode: Mode) -> dict[tuple[bytes, ...], Any]:
+def _results(make: Callable[[Mode, Any], Any], mode: Mode) -> dict[Any, Any]:
     """Return the cached results of the function `make` for a mode, keyed by the structure of the MuJoCo model."""
     return {}
 
@@ -294,8 +295,7 @@ def inertia_rows(mode: Mode, model: Any) -> tuple[Any, Any, Any]:
     links. A massless intermediate link does not have a body of its own, so the array contains the number of the next body. The third array
     contains the number of the degree of freedom of each joint.
     """
-    rows: tuple[Any, Any, Any] = _from_cache(_weights, mode, model)
-    return rows
+    return _from_cache(_weights, mode, model)
 
 
 def _weights(mode: Mode, model: Any) -> tuple[Any, Any, Any]:

@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 
 from thingc.base.python_source import parse_python
-from thingc.geometry.key.module_key import ModuleSources
+from thingc.geometry.key.module_key import ModuleSource, ModuleSources
 from thingc.geometry.key.modules import modules_in
 from thingc.geometry.record import PartFailure
 
@@ -19,13 +19,10 @@ def classes_in_reach(sources: ModuleSources, packages: Sequence[str]) -> list[st
     Only the method `describe` of the geometry service can decide which of these classes are Things. Packages that are only installed, such
     as bd_warehouse, are not listed, because they have hundreds of classes (see `installed_modules`).
     """
-    references: list[str] = []
-    for module in _modules(sources, packages):
-        source = sources.source(module)
-        if source is None:
-            continue
-        references += [f"{module}:{name}" for name, (kind, _, _) in source.facts.names.items() if kind == "class" and name[0] != "_"]
-    return sorted(references)
+    return sorted(
+        f"{source.module.name}:{name}" for source in _sources(sources, packages) for name, (kind, _, _) in source.facts.names.items()
+        if kind == "class" and name[0] != "_"
+    )
 
 
 def installed_modules(sources: ModuleSources, packages: Sequence[str]) -> dict[str, str]:
@@ -59,23 +56,23 @@ def classes_installed(module: str, file: str) -> list[str]:
 def not_python(sources: ModuleSources, packages: Sequence[str]) -> list[PartFailure]:
     """Return a failure for each module of `classes_in_reach` that is not valid Python, because its classes cannot be found."""
     failures: list[PartFailure] = []
-    for module in _modules(sources, packages):
-        source = sources.source(module)
-        if source is None or source.module.file is None or not source.facts.broken:
+    for source in _sources(sources, packages):
+        if source.module.file is None or not source.facts.broken:
             continue
         try:
             with open(source.module.file, "rb") as stream:
                 parse_python(stream.read())
         except (SyntaxError, ValueError, RecursionError, MemoryError) as fault:
-            words, line = (fault.msg, fault.lineno) if isinstance(fault, SyntaxError) else (str(fault) or "too deeply nested", None)
+            text, line = (fault.msg, fault.lineno) if isinstance(fault, SyntaxError) else (str(fault) or "too deeply nested", None)
             failures.append(PartFailure(
-                subject=module, kind="raised", message=f"{type(fault).__name__}: {words}", file=source.module.file, line=line,
+                subject=source.module.name, kind="raised", message=f"{type(fault).__name__}: {text}", file=source.module.file, line=line,
                 column=getattr(fault, "offset", None) or 1,
             ))
     return failures
 
 
-def _modules(sources: ModuleSources, packages: Sequence[str]) -> list[str]:
+def _sources(sources: ModuleSources, packages: Sequence[str]) -> list[ModuleSource]:
+    """Return the sources of the modules in part folders and in packages that are tracked by content, sorted by name."""
     modules = set(sources.finder.part_modules)
     for package in packages:
         module = sources.finder.find(package)
@@ -83,4 +80,4 @@ def _modules(sources: ModuleSources, packages: Sequence[str]) -> list[str]:
             modules.add(package)
             for folder in module.folders:
                 modules.update(f"{package}.{name}" for name in modules_in(folder))
-    return sorted(modules)
+    return [source for name in sorted(modules) if (source := sources.source(name)) is not None]

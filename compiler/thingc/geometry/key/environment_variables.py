@@ -35,13 +35,11 @@ def environment(seed: int = 0) -> dict[str, str]:
     In the worker process itself, the variables in `TEMPORARY` have this value. For each part, the variables are changed to the temporary
     folder of the part.
     """
-    variables = {name: os.environ[name] for name in TEMPORARY if name in os.environ}
-    variables.update(passed_variables())
-    variables.update(FIXED)
-    variables["PYTHONHASHSEED"] = str(seed)
+    temporary = {name: os.environ[name] for name in TEMPORARY if name in os.environ}
+    variables = {**temporary, **passed_variables(), **FIXED, "PYTHONHASHSEED": str(seed)}
     from thingc.geometry.key.modules import OWN_FOLDER, own_roots
 
-    own = os.path.dirname(OWN_FOLDER)
-    if not (os.path.realpath(own) + os.sep).startswith(own_roots()):
-        variables["PYTHONPATH"] = own
+    package_folder = os.path.dirname(OWN_FOLDER)
+    if not (os.path.realpath(package_folder) + os.sep).startswith(own_roots()):
+        variables["PYTHONPATH"] = package_folder
     return variables

@@ -112,10 +112,9 @@ class Finder:
 
         If the module does not exist, the returned `Module` has the kind `absent`.
         """
-        module = self._found.get(name)
-        if module is None:
-            module = self._found[name] = self._find(name)
-        return module
+        if name not in self._found:
+            self._found[name] = self._find(name)
+        return self._found[name]
 
     def _find(self, name: str) -> Module:
         if len(name) > MAX_NAME:

@@ -126,7 +126,7 @@ class PartCode:
             self.probed.add(file)
         return file
 
-    def around(self, code: CodeIngredients | None) -> dict[str, Any]:
+    def code_fields(self, code: CodeIngredients | None) -> dict[str, Any]:
         """Return the fields of a worker request that describe the code.
 
         The fields contain the folders and packages of the workspace, and the SHA-256 of the files in the key. The fields also contain
@@ -142,7 +142,7 @@ class PartCode:
     def files(self) -> dict[str, str]:
         """Return the states of all code files that have been read so far, by path. Paths inside the workspace are relative."""
         code = [code for code in self._codes.values() if isinstance(code, CodeIngredients)]
-        return {relative_path(file, self.workspace.root) or file: f"file:{sha256}" for one in code for file, sha256 in one.files.items()}
+        return {relative_path(file, self.workspace.root): f"file:{sha256}" for one in code for file, sha256 in one.files.items()}
 
 
 def file_state(definition: PartDefinition, workspace: Workspace, results: Results) -> str | PartFailure:

@@ -7,7 +7,7 @@ called its reads. A lookup returns the result whose reads are all unchanged.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from thingc.base.frozen_struct import FrozenStruct
@@ -65,9 +65,9 @@ class Results:
     def find(self, kind: str, key: str, usable: Callable[[Any], bool] = lambda _: True) -> CachedResult | None:
         """Return a cached result for which `usable` returns True and whose files are unchanged. Return None if there is no such result."""
         for candidate in self._candidates(kind, key):
-            if all(self.state(path, state) == state for path, state in candidate["reads"]) and usable(candidate["value"]):
-                self.met.update((path, state) for path, state in candidate["reads"])
-                reads = tuple((path, state) for path, state in candidate["reads"])
+            reads = tuple((path, state) for path, state in candidate["reads"])
+            if all(self.state(path, state) == state for path, state in reads) and usable(candidate["value"]):
+                self.met.update(reads)
                 return CachedResult(value=candidate["value"], reads=reads, reason=candidate.get("reason", ""))
         return None
 
@@ -84,10 +84,10 @@ class Results:
         candidates = self.store.get_json(kind, key)
         return candidates if isinstance(candidates, list) else []
 
-    def note_files(self, files: Mapping[str, str]) -> None:
+    def note_files(self, files: dict[str, str]) -> None:
         """Store the states of the files that parts depend on. Paths are relative to the workspace, or absolute."""
-        if self.store.get_json("files", self.root) != dict(files):
-            self.store.note_json("files", self.root, dict(files))
+        if self.store.get_json("files", self.root) != files:
+            self.store.note_json("files", self.root, files)
 
     def files_changed(self) -> bool:
         """Return whether a file that parts depended on in the last run has changed. If there was no last run, return True."""
@@ -128,11 +128,9 @@ class Results:
 
     def changed_read(self, key: str) -> str | None:
         """Describe which files of the newest result under a build key have changed. Return None if no file has changed."""
-        for candidate in self._candidates("record", key)[:1]:
-            changed = [(path, state, now) for path, state in candidate["reads"] if (now := self.state(path, state)) != state]
-            if changed:
-                return some([_change_text(path, state, now) for path, state, now in changed], 3, separator="; ")
-        return None
+        reads = next((candidate["reads"] for candidate in self._candidates("record", key)), ())
+        changes = [_change_text(path, state, now) for path, state in reads if (now := self.state(path, state)) != state]
+        return some(changes, 3, separator="; ") if changes else None
 
 
 def _change_text(path: str, state: str, now: str) -> str:

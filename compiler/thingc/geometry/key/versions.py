@@ -32,24 +32,21 @@ def versions_of(names: Iterable[str], file_of: Callable[[str], str | None], stor
     standard library are omitted, because the version of Python covers them.
     """
     ingredients: dict[str, str] = {}
+    installed = _installed_versions()
     unknown: list[str] = []
     for name in sorted(set(names) - sys.stdlib_module_names):
         candidates = _DISTRIBUTIONS.get(name, (name.lower().replace("-", "_").replace(".", "_"),))
-        held = [one for one in candidates if one in _installed_versions()]
-        versions = [f"{one} {_installed_versions()[one]}" if len(candidates) > 1 else _installed_versions()[one] for one in held]
+        versions = [f"{one} {installed[one]}" if len(candidates) > 1 else installed[one] for one in candidates if one in installed]
         if versions:
             ingredients[f"version {name}"] = ", ".join(versions)
         else:
             unknown.append(name)
     if unknown:
         table = _by_import_name(store)
-        ingredients.update({f"version {name}": table.get(name) or _file_version(file_of(name)) for name in unknown})
+        for name in unknown:
+            file = None if name in table else file_of(name)
+            ingredients[f"version {name}"] = table.get(name) or ("unknown" if file is None else state_of(file))
     return ingredients
-
-
-def _file_version(file: str | None) -> str:
-    """Return a version string for a module that does not belong to an installed distribution."""
-    return "unknown" if file is None else state_of(file)
 
 
 def platform_versions() -> dict[str, str]:

@@ -18,7 +18,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Report, Severity
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.source import Span, line_of
+from thingc.base.source import line_of
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.lock.json_format import BadLock, LockedSchema, read_record, read_value
 from thingc.geometry.record import PartDefinition, PartRecord, PartSchema
@@ -121,11 +121,6 @@ def code_hash(code: CodeIngredients | None, version: str = "") -> str:
     return hashlib.sha256(json.dumps(ingredients, separators=(",", ":")).encode()).hexdigest()
 
 
-def top_of(file: str) -> Span:
-    """Return the span of the first line of the lock file. This span is the location of errors that concern the whole file."""
-    return line_of(file)
-
-
 def read_lock(workspace: Workspace, report: Report) -> Lock | None:
     """Read the lock file of a workspace. Return None if the workspace has no lock file. If the lock file is invalid, report the error and
     return None.
@@ -172,7 +167,7 @@ def report_missing(workspace: Workspace, report: Report) -> None:
 def report_bad(path: str, fault: BadLock, report: Report, *, severity: Severity = Severity.ERROR) -> None:
     """Report an invalid value in the lock file at `path`."""
     where = f" at `{fault.path[:200]}`" if fault.path else ""
-    report.add(Code.LOCK_BROKEN, f"`{LOCK_FILE}` is invalid{where}: {fault}", top_of(path), help=REMAKE, severity=severity)
+    report.add(Code.LOCK_BROKEN, f"`{LOCK_FILE}` is invalid{where}: {fault}", line_of(path), help=REMAKE, severity=severity)
 
 
 def parse_lock(path: str, data: bytes) -> Lock:

@@ -21,7 +21,7 @@ from thingc.geometry.lock.json_format import CONTINUOUS, BadLock
 from thingc.geometry.lock.lock import LOCK_FILE, NO_LOCK, Lock, code_hash, lock_path
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import NO_PIECES, ActuatorRecord, Mesh, PartDefinition, PartFailure, PartRecord, PartSchema, WantedPieces
-from thingc.geometry.store.slice_cache import lacking
+from thingc.geometry.slice_cache import lacking
 
 MAX_READ = 200_000_000
 """Maximum total size [bytes] of the files that are compared with the lock file. The limit applies to parts that are files, and to files

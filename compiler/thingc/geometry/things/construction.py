@@ -13,7 +13,6 @@ import functools
 import inspect
 from abc import ABCMeta
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -31,6 +30,7 @@ Adjustments: TypeAlias = "Mapping[type[Any], Mapping[str, Value]]"
 _made: dict[tuple[object, ...], Thing] = {}
 _making: set[tuple[object, ...]] = set()
 _files: list[str] = []
+"""The source files of the `__init__` methods that are running, the innermost last."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -197,23 +197,14 @@ def _record_calls(cls: type[Any], init: Callable[..., None]) -> Callable[..., No
         call = InitCall(family=cls, given=given, values={**given, **construction.adjustments.get(cls, {})})
         construction.calls.append(call)
         construction.running.append(call)
+        _files.append(getattr(getattr(inspect.unwrap(init), "__code__", None), "co_filename", ""))
         try:
-            with _reading_beside(init):
-                init(self, **call.values)
+            init(self, **call.values)
         finally:
+            _files.pop()
             construction.running.pop()
 
     return construct
-
-
-@contextmanager
-def _reading_beside(init: Callable[..., None]) -> Iterator[None]:
-    """Return a context manager during which `running_file` returns the source file of `init`."""
-    _files.append(getattr(getattr(inspect.unwrap(init), "__code__", None), "co_filename", ""))
-    try:
-        yield
-    finally:
-        _files.pop()
 
 
 def running_file() -> str | None:

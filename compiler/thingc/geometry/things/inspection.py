@@ -80,33 +80,23 @@ def is_part(candidate: object) -> Literal["thing", "shape", "function"] | None:
     return "function" if all(isinstance(one, type) and issubclass(one, Shape) for one in classes) else None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MissingMember:
-    """A member that is missing in a class.
-
-    The object contains a message, which is appended to the name of the class, and the file and line where the member should be added.
-    """
-
-    words: str
-    place: tuple[str, int] | None
-
-
-def lacking_result(part: PartLike) -> MissingMember | None:
+def lacking_result(part: PartLike) -> tuple[str, tuple[str, int] | None] | None:
     """Return the reason why a Thing class has no geometry, or None for a class with geometry.
 
-    Possible reasons are that the class has no `result()` of its own, or that its `result()` has no `return`. To define a part without
-    geometry on purpose, `result()` must contain `return None`. The function also returns None if `part` is not a Thing class.
+    The reason consists of a message, which is appended to the name of the class, and of the file and line of the faulty code. Possible
+    reasons are that the class has no `result()` of its own, or that its `result()` has no `return`. To define a part without geometry on
+    purpose, `result()` must contain `return None`. The function also returns None if `part` is not a Thing class.
     """
     if not isinstance(part, type) or not issubclass(part, Thing):
         return None
     if part.result is Thing.result:
-        return MissingMember(words="has no `result()`, which must return its geometry", place=code_location(part))
+        return "has no `result()`, which must return its geometry", code_location(part)
     function = inspect.unwrap(part.result)
     tree = syntax_of(function)
     ends = (ast.Return, ast.Raise, ast.Yield, ast.YieldFrom, ast.Lambda)
     if tree is None or any(isinstance(node, ends) for node in ast.walk(tree)):
         return None
-    return MissingMember(words="has a `result()` without a `return` statement", place=code_location(function))
+    return "has a `result()` without a `return` statement", code_location(function)
 
 
 def syntax_of(function: Callable[..., Any]) -> ast.FunctionDef | ast.AsyncFunctionDef | None:

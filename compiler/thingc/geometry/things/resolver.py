@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
-from build123d import Axis, BoundBox, Joint, Location, Matrix, OrientedBoundBox, Plane, ShapeList, Vector
+from build123d import Axis, BoundBox, Joint, Location, Matrix, OrientedBoundBox, Plane, Vector
 from build123d.build_common import Builder, LocationList
 from build123d.topology import Shape, downcast
 
@@ -101,8 +101,6 @@ def place(value: Any, location: Location) -> Any:
         return BoundBox(value.wrapped.Transformed(location.wrapped.Transformation()))
     if isinstance(value, LocationList):
         return [location * item for item in value.locations]
-    if isinstance(value, ShapeList):
-        return ShapeList(place(item, location) for item in value)
     if isinstance(value, tuple) and hasattr(value, "_fields"):
         return type(value)(*(place(item, location) for item in value))
     if isinstance(value, (list, tuple, set, frozenset)):

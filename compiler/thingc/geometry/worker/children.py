@@ -134,7 +134,6 @@ class Child:
 
         `over` is the reason for ending the child without an answer.
         """
-        number = {"id": self.request.get("id")}
         if not self.answered and over in (None, "crashed"):
             self._wait()
         elif over in ("swarmed", "starved"):
@@ -156,13 +155,12 @@ class Child:
             self.errors.close()
         if self.status is not None and self.status >> 8 == OUT_OF_MEMORY:
             over = "starved"
-        words = {
-            "hung": "", "swarmed": f"it had more than {PROCESSES} processes at once",
+        over = over or "crashed"
+        reasons = {
+            "hung": "", "swarmed": f"it had more than {PROCESSES} processes at once", "crashed": end_text(self.status),
             "starved": f"more than {self.request.get('memory', DEFAULT_MEMORY) / 1e9:.3g} GB",
         }
-        if over in words:
-            return {**number, "failed": over, "words": words[over], "detail": tail}
-        return {**number, "failed": "crashed", "words": in_words(self.status), "detail": tail}
+        return {"id": self.request.get("id"), "failed": over, "words": reasons[over], "detail": tail}
 
     def _end_processes(self, others: Collection[int]) -> list[str]:
         """Kill the child process and all processes that it started.
@@ -199,7 +197,7 @@ class Child:
             time.sleep(process_tree.PAUSE)
 
 
-def in_words(status: int | None) -> str:
+def end_text(status: int | None) -> str:
     """Describe how a process ended, from its wait status."""
     if status is None:
         return "it closed its pipe but did not exit"

@@ -22,12 +22,13 @@ import importlib.util
 import itertools
 import os
 import sys
-from collections.abc import Callable, Container, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable
 from types import FrameType
 from typing import Any
 
 from thingc.geometry.key.file_states import state_of
 from thingc.geometry.key.modules import OWN_FOLDER, installed_roots
+from thingc.geometry.record_json import relative_path
 from thingc.geometry.worker import audit
 
 _PYTHONS_OWN = ("<", os.path.join(os.path.dirname(os.__file__), ""))
@@ -83,12 +84,15 @@ class FileReadRecorder:
         held = self.states.get(full)
         if held is not None and not (listed and held == "folder"):
             return
-        with self._quietly():  # do not record the lookups of this method
+        self._busy = True  # do not record the lookups of this method
+        try:
             if os.path.realpath(full).startswith(self._excluded):
                 return
             state = state_of(full, listed=listed)
             if state != "folder" or full.startswith(self.workspace):  # the existence of other folders does not count
                 self.states[full] = state
+        finally:
+            self._busy = False
 
     def leaves_out(self, path: str) -> bool:
         """Return whether the recorder ignores a file, for example because a version covers it.
@@ -122,17 +126,7 @@ class FileReadRecorder:
 
         A path outside of the workspace is unchanged.
         """
-        if path.startswith(self.workspace):
-            return path[len(self.workspace) :].replace(os.sep, "/")
-        return "." if os.path.join(path, "") == self.workspace else path
-
-    @contextlib.contextmanager
-    def _quietly(self) -> Iterator[None]:
-        self._busy = True
-        try:
-            yield
-        finally:
-            self._busy = False
+        return "." if os.path.join(path, "") == self.workspace else relative_path(path, self.workspace)
 
 
 def _absolute(path: Any) -> str | None:
@@ -179,18 +173,20 @@ def _loaded_since() -> set[str]:
 
 
 _current: FileReadRecorder | None = None
-_hooked = False
 
 
+@functools.cache
 def _install_hook() -> None:
-    global _hooked
-    if not _hooked:
-        _hooked = True
-        audit.listen(("open", "os.listdir", "os.scandir", "os.mkdir", "sqlite3.connect"), _heard)
-        _wrap_looking()
+    """Observe file accesses by audit events, and wrap functions of `os` that check whether files exist but raise no audit event.
+
+    These checks are recorded because a missing file may appear later.
+    """
+    audit.listen(("open", "os.listdir", "os.scandir", "os.mkdir", "sqlite3.connect"), _handle_event)
+    for name in ("stat", "lstat", "access"):
+        setattr(os, name, _recording_check(getattr(os, name)))
 
 
-def _heard(event: str, arguments: tuple[Any, ...]) -> None:
+def _handle_event(event: str, arguments: tuple[Any, ...]) -> None:
     if _current is None:
         return
     path = arguments[0]
@@ -203,15 +199,7 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
         _current.note(path)
 
 
-def _wrap_looking() -> None:
-    """Wrap functions of `os` that check whether files exist but raise no audit event. These checks are recorded because a missing file may
-    appear later.
-    """
-    for name in ("stat", "lstat", "access"):
-        setattr(os, name, _looking(getattr(os, name)))
-
-
-def _looking(function: Callable[..., Any]) -> Callable[..., Any]:
+def _recording_check(function: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(function)
     def wrapped(path: Any, *arguments: Any, **options: Any) -> Any:
         if _current is not None and options.get("dir_fd") is None and not _looks_for_modules():
@@ -284,38 +272,35 @@ def wrap_importers() -> None:
         original = getattr(build123d, name, None)
         if original is None:
             continue
-        telling = _telling(original, 0) if name in _IMPORTERS else _announcing(original)
+        wrapped = _recording_read(original, slice(0, 1)) if name in _IMPORTERS else _announcing(original)
         for module in modules:
             if vars(module).get(name) is original:
-                setattr(module, name, telling)
+                setattr(module, name, wrapped)
     mesher = build123d.Mesher
-    mesher.read = _telling(mesher.read, 1)  # type: ignore[method-assign]
+    mesher.read = _recording_read(mesher.read, slice(1, 2))  # type: ignore[method-assign]
     for module_name, class_name, method in _KERNEL_READERS:
         try:
             owner = getattr(importlib.import_module(module_name), class_name)
-            original = getattr(owner, method)
-            static = method.endswith("_s")
-            telling = _telling(original, None)
-            setattr(owner, method, staticmethod(telling) if static else telling)
+            wrapped = _recording_read(getattr(owner, method), slice(None))
+            setattr(owner, method, staticmethod(wrapped) if method.endswith("_s") else wrapped)
         except (ImportError, AttributeError, TypeError):  # the kernel does not have this method, or it cannot be wrapped
             continue
 
 
-def _telling(function: Callable[..., Any], position: int | None) -> Callable[..., Any]:
+def _recording_read(function: Callable[..., Any], positions: slice) -> Callable[..., Any]:
     """Wrap a function that reads a file, so that the read is recorded before each call.
 
-    The file is the argument at `position`. If `position` is None, every argument that is a path counts as a file.
+    The file is a path among the keyword arguments and the positional arguments at `positions`.
     """
 
     @functools.wraps(function)
-    def telling(*arguments: Any, **options: Any) -> Any:
-        given = (*arguments, *options.values()) if position is None else (*arguments[position : position + 1], *options.values())
-        for value in given:
+    def wrapped(*arguments: Any, **options: Any) -> Any:
+        for value in (*arguments[positions], *options.values()):
             if isinstance(value, (str, bytes, os.PathLike)) and _current is not None:
                 _current.note(value)
         return function(*arguments, **options)
 
-    return telling
+    return wrapped
 
 
 def _announcing(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -13,22 +13,22 @@ from thingc.geometry.worker.kernel import convert
 from thingc.geometry.worker.part_session import NoPart, PartSession, RequestContext, kind_of
 
 
-def describe(references: Sequence[str], placed: Collection[str], around: RequestContext) -> dict[str, Any]:
+def describe(references: Sequence[str], placed: Collection[str], context: RequestContext) -> dict[str, Any]:
     """Return the schemas or failures of part classes in one module: `{"answers": {reference: ...}, "reads": [...]}`.
 
     The locations of the classes in `placed` are already known. The classes in `placed` are not searched, because the search is slow.
     """
     answers: dict[str, Any] = {}
     mentioned: list[str | None] = []
-    with PartSession(around) as session:
+    with PartSession(context) as session:
         for reference in references:
             try:
                 schema = _schema(session, reference, placed=reference in placed)
-                answers[reference] = {"schema": to_json(schema, around.root)}
+                answers[reference] = {"schema": to_json(schema, context.root)}
             except BaseException as fault:
                 failure = session.failure(reference, fault)
                 mentioned.append(failure.file)
-                answers[reference] = {"failure": to_json(failure, around.root)}
+                answers[reference] = {"failure": to_json(failure, context.root)}
         session.stop()
         return {"answers": answers, "reads": session.reads(*mentioned)}
 
@@ -39,13 +39,11 @@ def _schema(session: PartSession, reference: str, *, placed: bool) -> PartSchema
     part = session.part(reference)
     kind = kind_of(part, reference)
     parameters = tuple(_parameter(parameter) for parameter in parameters_of(part))
-    lacks = lacking_result(part)
-    if lacks is not None:
-        raise NoPart("resultless", f"`{reference}` {lacks.words}", place=lacks.place)
+    if (fault := lacking_result(part)) is not None:
+        raise NoPart("resultless", f"`{reference}` {fault[0]}", place=fault[1])
     file, line = ("", 1) if placed else _code_location(part, kind)
     return PartSchema(
-        reference=reference, kind=kind, doc=inspect.cleandoc(part.__doc__ or ""),
-        parameters=parameters,
+        reference=reference, kind=kind, doc=inspect.cleandoc(part.__doc__ or ""), parameters=parameters,
         material=_default_material(part), actuator=actuator_of(part) is not None, file=file, line=line,
     )
 

@@ -63,7 +63,7 @@ class PartSession:
     `loaded` is the time at which the last requested class was loaded (`time.monotonic`).
     """
 
-    around: RequestContext
+    context: RequestContext
     recorder: FileReadRecorder = field(init=False)
     importer: PartImporter = field(init=False)
     asking: ImpureInputRecorder = field(init=False)
@@ -72,8 +72,8 @@ class PartSession:
     _printing: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
 
     def __post_init__(self) -> None:
-        self.importer = PartImporter(self.around.parts, self.around.packages, self.around.hashes, self.around.plain)
-        self.recorder = FileReadRecorder(self.around.root, (self.around.store, self.around.scratch), self.around.hashes)
+        self.importer = PartImporter(self.context.parts, self.context.packages, self.context.hashes, self.context.plain)
+        self.recorder = FileReadRecorder(self.context.root, (self.context.store, self.context.scratch), self.context.hashes)
         self.asking = ImpureInputRecorder(self.is_own)
 
     def __enter__(self) -> PartSession:
@@ -81,14 +81,14 @@ class PartSession:
 
         # a deleted folder does not have a name; Windows cannot open folders
         self._before = os.open(os.curdir, os.O_RDONLY) if os.chdir in os.supports_fd else os.getcwd()
-        os.chdir(self.around.root)
+        os.chdir(self.context.root)
         self.importer.install()
         executed_functions.begin()
         self.recorder.start()
         self.asking.start()
-        sandbox.begin(self.around.scratch)
-        self._printing.enter_context(captured_output.keep(self.around.scratch))
-        assets.install(self.recorder.note, (self.around.root,))
+        sandbox.begin(self.context.scratch)
+        self._printing.enter_context(captured_output.keep(self.context.scratch))
+        assets.install(self.recorder.note, (self.context.root,))
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -110,7 +110,7 @@ class PartSession:
 
     def is_own(self, file: str) -> bool:
         """Return whether a file contains code of the part's authors."""
-        return file in self.around.hashes or file in self.importer.loaded.values()
+        return file in self.context.hashes or file in self.importer.loaded.values()
 
     def reads(self, *mentioned: str | None) -> list[tuple[str, str]]:
         """Return the files that the part has read, with modules that are not covered by a version. The result also contains the files
@@ -119,7 +119,7 @@ class PartSession:
         These files are included because their layout determines line numbers in the answer.
         """
         states = dict(self.recorder.reads())
-        loaded = [file for file in loaded_files() if file not in self.around.hashes and not self.recorder.leaves_out(file)]
+        loaded = [file for file in loaded_files() if file not in self.context.hashes and not self.recorder.leaves_out(file)]
         for file in (*loaded, *mentioned):
             if file is not None:
                 states[self.recorder.relative(file)] = state_of(file)
@@ -133,7 +133,7 @@ class PartSession:
         """
         if any(warning.asked is ImpureInputs.PROCESS for warning in self.asking.found):
             return None
-        return executed_functions.of([file for file in self.importer.loaded.values() if file in self.around.hashes], self.around.hashes)
+        return executed_functions.of([file for file in self.importer.loaded.values() if file in self.context.hashes], self.context.hashes)
 
     def part(self, reference: str) -> Any:
         """Import a module of a part, and return the object that `module:Class` names.
@@ -187,7 +187,7 @@ class PartSession:
             kind, message = "trespassed", f"`{self.recorder.relative(fault.filename)}`"
         elif isinstance(fault, (SignatureError, BadPartFile)) or isinstance(fault, ParameterError) and not places:
             kind, message = "invalid", str(fault)
-        message = message.replace(os.path.join(self.around.root, ""), "")  # the path differs on other machines
+        message = message.replace(os.path.join(self.context.root, ""), "")  # the path differs on other machines
         return PartFailure(
             subject=subject, kind=kind, message=message, file=file, line=line, candidates=candidates, detail=detail, column=column,
         )

@@ -220,15 +220,15 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
         from thingc.geometry.worker.kernel.slicing import slice_stored
 
         return slice_stored(request["mesh"], convert(request["slicing"], Slicing), store)
-    around = convert(request, RequestContext)
+    context = convert(request, RequestContext)
     if operation == "describe":
         from thingc.geometry.worker.part_schemas import describe
 
-        return describe(request["references"], request["placed"], around)
+        return describe(request["references"], request["placed"], context)
     from thingc.geometry.worker.kernel.build_part import Tessellations, build_part
 
     until = time.monotonic() + request["timeout"] / 2
-    answer = build_part(request["definition"], convert(request["tessellations"], Tessellations), around, store)
+    answer = build_part(request["definition"], convert(request["tessellations"], Tessellations), context, store)
     return {**answer, "slices": _slice_likely(answer, request["slicings"], store) if time.monotonic() < until else []}
 
 

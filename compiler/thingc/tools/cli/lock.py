@@ -24,7 +24,7 @@ from thingc.documents.load.discovery import documents_in
 from thingc.documents.workspace import Workspace
 from thingc.driver.environment import Environment, Options, geometry_of
 from thingc.driver.pipeline import read
-from thingc.geometry.lock.lock import LOCK_FILE, MAX_BYTES, REMAKE, lock_path, read_lock, top_of
+from thingc.geometry.lock.lock import LOCK_FILE, MAX_BYTES, REMAKE, lock_path, read_lock
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import PartDefinition, PartFailure
 from thingc.geometry.service import GeometryService
@@ -130,4 +130,4 @@ def _line(path: str, lines: list[str], key: str) -> Span:
         if line.lstrip().startswith(word + ":"):
             column = len(line) - len(line.lstrip()) + 1
             return Span(file=path, line=number, column=column, end_line=number, end_column=column + len(word))
-    return top_of(path)
+    return line_of(path)

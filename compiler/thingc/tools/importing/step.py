@@ -138,7 +138,7 @@ def import_step(path: str, store: Store, report: Report) -> ImportedAssembly | N
         return None
     store.check()
     request = {"op": "call", "function": READER, "arguments": [os.path.abspath(path)], "store": store.root, "timeout": TIME_LIMIT}
-    answer = once(["--once"], request)
+    answer = once(request)
     refused = answer["answer"].get("refused") if "answer" in answer else f"the CAD kernel cannot read the file ({answer['failed']})"
     if refused is not None:
         flat = "no assembly structure" in refused

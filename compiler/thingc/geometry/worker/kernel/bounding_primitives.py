@@ -29,7 +29,8 @@ def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dic
     if principal is not None:
         frames.append(_axes(np.array(principal)))
     ball_centre, ball_radius = smallest_ball(points)
-    round_fits = [_round(points, turned) for frame in frames for turned in _each_axis_as_z(frame)]
+    right_handed = ([0, 1, 2], [1, 2, 0], [2, 0, 1])  # orders of the axes
+    round_fits = [_round(points, frame[:, order]) for frame in frames for order in right_handed]
     return {
         "box": _smallest([_box(points, frame) for frame in frames]),
         "cylinder": _smallest([cylinder for cylinder, _ in round_fits]),
@@ -126,11 +127,6 @@ def _round(points: NDArray[np.float64], frame: NDArray[np.float64]) -> tuple[Pri
     half = max((top - bottom) / 2.0, 1e-6 * radius)
     capsule = Primitive(shape="capsule", size=(radius, half), pose=_pose(frame, frame @ np.array([*centre, (top + bottom) / 2.0])))
     return cylinder, capsule
-
-
-def _each_axis_as_z(frame: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Return three right-handed frames, whose third axes are the z, the x and the y axis of `frame`."""
-    return [frame[:, [0, 1, 2]], frame[:, [1, 2, 0]], frame[:, [2, 0, 1]]]
 
 
 def _axes(inertia: NDArray[np.float64]) -> NDArray[np.float64]:

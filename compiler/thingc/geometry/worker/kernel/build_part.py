@@ -95,7 +95,7 @@ class BuiltPart(FrozenStruct):
     faces: int | None = None
 
 
-def build_part(definition: dict[str, Any], tessellations: Tessellations, around: RequestContext, store: Store) -> dict[str, Any]:
+def build_part(definition: dict[str, Any], tessellations: Tessellations, context: RequestContext, store: Store) -> dict[str, Any]:
     """Build a part definition. Return the record or failure, and the files that were read: `{"record" | "failure": ..., "reads": [...]}`.
 
     If the part was built, the answer also contains `ran` and `loaded`. `ran` contains the functions of the code that have run (see
@@ -105,16 +105,20 @@ def build_part(definition: dict[str, Any], tessellations: Tessellations, around:
     which is slow. The meshes and the B-rep are written to the store. Raises `StoreUnusable` if the store is not writable.
     """
     text = definition["text"]
-    with PartSession(around) as session, warnings.catch_warnings(record=True) as caught:
+    with PartSession(context) as session, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            made = _made_of_file(definition, around) if definition["kind"] == "file" else _made_of_code(definition, session)
+            built = _from_file(definition, context) if definition["kind"] == "file" else _from_code(definition, session)
             if definition["mirror"] is not None:
-                made = _mirror(made, SolidMirror(definition["mirror"]))
+                built = _mirror(built, definition["mirror"])
             session.stop()
-            record = _record(made, tessellations, store)
-            part_warnings = (*record.warnings, *_warnings(caught, session.is_own), *session.asking.found)
-            answer = {"record": record_to_json(replace(record, warnings=part_warnings), around.root)}
+            record = _measure(built, tessellations, store) if built.shapes else built.record
+            record = replace(record, pieces=tuple(_pieces(built.collision, tessellations.simulation, store)))
+            python_warnings = dict.fromkeys(  # warnings about lines in libraries are omitted
+                PartWarning(message=str(one.message), file=one.filename, line=one.lineno) for one in caught if session.is_own(one.filename)
+            )
+            part_warnings = (*record.warnings, *python_warnings, *session.asking.found)
+            answer = {"record": record_to_json(replace(record, warnings=part_warnings), context.root)}
             reads = session.reads(*(warning.file for warning in part_warnings))
             loaded = {"loaded": session.loaded} if session.loaded is not None else {}
             return {**answer, **loaded, "reads": reads, "ran": session.ran()}
@@ -127,7 +131,7 @@ def build_part(definition: dict[str, Any], tessellations: Tessellations, around:
             failure = session.failure(text, fault)
             if failure.file is None and definition["kind"] == "code":
                 failure = replace(failure, **_code_location(definition["reference"], session))
-            return {"failure": to_json(failure, around.root), "reads": session.reads(failure.file)}
+            return {"failure": to_json(failure, context.root), "reads": session.reads(failure.file)}
 
 
 def _code_location(reference: str, session: PartSession) -> dict[str, Any]:
@@ -146,13 +150,7 @@ def _code_location(reference: str, session: PartSession) -> dict[str, Any]:
     return {}
 
 
-def _warnings(caught: list[warnings.WarningMessage], is_own: Callable[[str], bool]) -> list[PartWarning]:
-    """Convert Python warnings about lines of the author's code to part warnings. Warnings about lines in libraries are omitted."""
-    part_warnings = [PartWarning(message=str(one.message), file=one.filename, line=one.lineno) for one in caught if is_own(one.filename)]
-    return list(dict.fromkeys(part_warnings))
-
-
-def _made_of_code(definition: dict[str, Any], session: PartSession) -> BuiltPart:
+def _from_code(definition: dict[str, Any], session: PartSession) -> BuiltPart:
     from thingc.geometry.things import inspection
 
     reference = definition["reference"]
@@ -195,9 +193,9 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> BuiltPart
     return BuiltPart(shapes=_round(shapes), visual=_round(visual), collision=_round(collision), record=record, one=one)
 
 
-def _made_of_file(definition: dict[str, Any], around: RequestContext) -> BuiltPart:
+def _from_file(definition: dict[str, Any], context: RequestContext) -> BuiltPart:
     unit = parse_quantity(f"1 {definition['parameters'].get('unit', FILE_UNIT)}").value * convert.MM
-    shapes, colors, mended = read_part(os.path.join(around.root, definition["reference"]), unit)
+    shapes, colors, mended = read_part(os.path.join(context.root, definition["reference"]), unit)
     color, extra = _color(None, colors)
     warnings = (*extra, *(PartWarning(message=words) for words in mended))
     return BuiltPart(
@@ -206,26 +204,23 @@ def _made_of_file(definition: dict[str, Any], around: RequestContext) -> BuiltPa
     )
 
 
-def _mirror(made: BuiltPart, mirror: SolidMirror) -> BuiltPart:
-    """Return the mirror image of a built part.
+def _mirror(built: BuiltPart, axis: str) -> BuiltPart:
+    """Return the mirror image of a built part along an axis of its frame.
 
     The mirror image has no order number in the bill of materials, because this number belongs to the original part.
     """
-    record = made.record
-    stays = all(mirror.keeps(mount.pose) for mount in record.mounts.values())
+    mirror, record = SolidMirror(axis), built.record
+    mounts_stay = all(mirror.keeps(mount.pose) for mount in record.mounts.values())
     image = replace(
-        record, mounts={
-            name: replace(mount, pose=mirror.mount(mount.pose), features=tuple(one.mirror_image() for one in mount.features))
-            for name, mount in record.mounts.items()
-        },
+        record, mounts={name: mount.mirror_image(axis) for name, mount in record.mounts.items()},
         com=None if record.com is None else replace(record.com, value=mirror.vector(record.com.value)),
         matrix=None if record.matrix is None else replace(record.matrix, value=mirror.matrix(record.matrix.value)),
         up=None if record.up is None else mirror.vector(record.up),
         bom={key: value for key, value in record.bom.items() if key != "number"},
-        own_image=bool(made.shapes) and stays and mirror.is_image_of_itself(solid_part(made)),
+        own_image=bool(built.shapes) and mounts_stay and mirror.is_image_of_itself(solid_part(built)),
     )
-    shapes, visual, collision = ([mirror.shape(shape) for shape in some] for some in (made.shapes, made.visual, made.collision))
-    return replace(made, shapes=shapes, visual=visual, collision=collision, record=image)
+    shapes, visual, collision = ([mirror.shape(shape) for shape in some] for some in (built.shapes, built.visual, built.collision))
+    return replace(built, shapes=shapes, visual=visual, collision=collision, record=image)
 
 
 def _shapes(geometry: Any, name: str) -> tuple[Any, ...]:
@@ -292,15 +287,9 @@ def _color(stated: str | None, of_shapes: set[str]) -> tuple[str | None, tuple[P
     return next(iter(of_shapes), None), ()
 
 
-def _record(made: BuiltPart, tessellations: Tessellations, store: Store) -> PartRecord:
-    """Return the complete record of a part. Its shapes are measured, and their meshes are written to the store."""
-    record = _measure(made, tessellations, store) if made.shapes else made.record
-    return replace(record, pieces=tuple(_pieces(made.collision, tessellations.simulation, store)))
-
-
-def _measure(made: BuiltPart, tessellations: Tessellations, store: Store) -> PartRecord:
+def _measure(built: BuiltPart, tessellations: Tessellations, store: Store) -> PartRecord:
     """Measure and mesh the solids of a part, write the files to the store, and return the record with the results."""
-    solid = solid_part(made)
+    solid = solid_part(built)
     measures = measure(solid)
     if not measures.volume > NOTHING:
         raise NoPart("empty", f"its volume is {measures.volume:.3g} mm^3")
@@ -309,18 +298,18 @@ def _measure(made: BuiltPart, tessellations: Tessellations, store: Store) -> Par
     mesh = meshing.together(solids)
     metres = mesh.scale(1.0 / convert.MM)
     round_about = meshing.hull(metres.vertices) or metres
-    coarse, hull, extra = metres, round_about, made.record.warnings
-    if tessellations.simulation != tessellations.fine and not made.faceted:
+    coarse, hull, extra = metres, round_about, built.record.warnings
+    if tessellations.simulation != tessellations.fine and not built.faceted:
         coarse = meshing.together(_meshes(solid, tessellations.simulation)).scale(1.0 / convert.MM)
         hull = meshing.hull(coarse.vertices) or coarse
     meshes: dict[str, Mesh] = {}
-    if made.faces is not None:
-        if len(coarse.faces) > made.faces:
-            fewer = simplify(coarse, made.faces)
+    if built.faces is not None:
+        if len(coarse.faces) > built.faces:
+            fewer = simplify(coarse, built.faces)
             extra = (*extra, *_off(coarse, fewer))
             coarse, hull = fewer, meshing.hull(fewer.vertices) or fewer
         meshes["simulation"] = stored_obj(coarse, store)
-    shown = _visual(made.visual, tessellations.simulation).scale(1.0 / convert.MM) if made.visual else coarse
+    shown = _visual(built.visual, tessellations.simulation).scale(1.0 / convert.MM) if built.visual else coarse
     meshes["visual"] = _store_mesh(shown, meshing.obj(shown), store)
     meshes["mesh"] = stored_obj(metres, store)
     meshes["hull"] = stored_obj(hull, store)
@@ -331,10 +320,10 @@ def _measure(made: BuiltPart, tessellations: Tessellations, store: Store) -> Par
         extra = (*extra, PartWarning(message="its mesh is not closed: the CAD kernel left gaps between faces"))
     inertia = convert.unit_inertia(measures.inertia)
     return replace(
-        made.record, volume=convert.volume(measures.volume), area=convert.area(measures.area), centre=convert.vector(measures.centre),
+        built.record, volume=convert.volume(measures.volume), area=convert.area(measures.area), centre=convert.vector(measures.centre),
         inertia=inertia, box=(convert.vector(measures.box[0]), convert.vector(measures.box[1])), brep=brep, meshes=meshes,
-        fits=fit_all(round_about.vertices, inertia), warnings=(*extra, *_overlap(solids, file=made.file)),
-        apart=_body_volumes(solid) if made.one else (), mounts=_compare_mounts(made.record.mounts, solid),
+        fits=fit_all(round_about.vertices, inertia), warnings=(*extra, *_overlap(solids, file=built.file)),
+        apart=_body_volumes(solid) if built.one else (), mounts=_compare_mounts(built.record.mounts, solid),
     )
 
 
@@ -384,16 +373,16 @@ def _overlap(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWa
     return (PartWarning(message=f"{twice}; {'unite the solids in the CAD program' if file else 'fuse the solids (`a + b`)'}"),)
 
 
-def solid_part(made: BuiltPart) -> TopoDS_Shape:
+def solid_part(built: BuiltPart) -> TopoDS_Shape:
     """Return the solids of a part, as a single solid or as a compound of several solids. Raises `NoPart` if the geometry contains no
     solids.
 
     The result has no location of its own, because the kernel would write an additional assembly for each part with a location to a STEP
     file.
     """
-    solids = [at_origin(solid) for shape in made.shapes for solid in solids_of(shape)]
+    solids = [at_origin(solid) for shape in built.shapes for solid in solids_of(shape)]
     if not solids:
-        raise NoPart("empty", f"{'it' if made.file else 'result()'} contains no solid, {_instead(made.shapes)}")
+        raise NoPart("empty", f"{'it' if built.file else 'result()'} contains no solid, {_instead(built.shapes)}")
     return compound_of(solids)
 
 

@@ -33,7 +33,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Matrix, Vector
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
@@ -85,13 +85,15 @@ def at_origin(solid: TopoDS_Shape) -> TopoDS_Shape:
 
 def compound_of(solids: Sequence[TopoDS_Shape]) -> TopoDS_Shape:
     """Return a compound of several solids. A single solid is returned unchanged."""
-    if len(solids) == 1:
-        return solids[0]
-    builder = BRep_Builder()
-    compound = TopoDS_Compound()
+    return solids[0] if len(solids) == 1 else make_compound(solids)
+
+
+def make_compound(shapes: Iterable[TopoDS_Shape]) -> TopoDS_Compound:
+    """Return a compound that contains the given shapes."""
+    builder, compound = BRep_Builder(), TopoDS_Compound()
     builder.MakeCompound(compound)
-    for solid in solids:
-        builder.Add(compound, solid)
+    for shape in shapes:
+        builder.Add(compound, shape)
     return compound
 
 

@@ -17,7 +17,7 @@ from xml.parsers import expat
 import numpy as np
 
 from thingc.geometry.mesh_bounds import LARGEST, BadMesh, damaged_file_error, read_bounded, refuse_beyond, unfold
-from thingc.geometry.worker.kernel.meshing import Triangles, together, without_slivers
+from thingc.geometry.worker.kernel.meshing import Triangles, from_trimesh, together, without_slivers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -153,22 +153,18 @@ def _close(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
     if open_edges(mesh):
         trimesh.repair.fix_winding(whole)  # type: ignore[no-untyped-call]
         turned = int((np.asarray(whole.faces) != mesh.faces).any(axis=1).sum())
-        mesh = _of(whole)
+        mesh = from_trimesh(whole)
         mended += [f"triangles flipped: {turned}"] if turned else []
     if open_edges(mesh):
         count = len(whole.faces)
         trimesh.repair.fill_holes(whole)
         filled = len(whole.faces) - count
-        mesh = _of(whole)
+        mesh = from_trimesh(whole)
         mended += [f"triangles added to fill holes: {filled}"] if filled else []
     if left := open_edges(mesh):
         rest = "" if left == first else f" ({left} after repair by trimesh)"
         raise BadPartFile(f"its surface is not closed: {first} edges belong to only one triangle{rest}, so it has no volume")
     return mesh, (f"its surface was not closed and was repaired ({', '.join(mended)})",)
-
-
-def _of(mesh: Any) -> Triangles:
-    return without_slivers(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64))
 
 
 def open_edges(mesh: Triangles) -> int:

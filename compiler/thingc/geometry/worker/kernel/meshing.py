@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -73,19 +73,36 @@ def together(meshes: list[Triangles]) -> Triangles:
     if len(meshes) == 1:
         return meshes[0]
     offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    return Triangles(
-        np.concatenate([mesh.vertices for mesh in meshes]) if meshes else np.zeros((0, 3)),
-        np.concatenate([mesh.faces + offset for mesh, offset in zip(meshes, offsets[:-1], strict=True)])
-        if meshes
-        else np.zeros((0, 3), dtype=np.int64),
-    )
+    vertices = np.concatenate([np.zeros((0, 3)), *(mesh.vertices for mesh in meshes)])
+    faces = [mesh.faces + offset for mesh, offset in zip(meshes, offsets[:-1], strict=True)]
+    return Triangles(vertices, np.concatenate([np.zeros((0, 3), dtype=np.int64), *faces]))
+
+
+def to_manifold(mesh: Triangles) -> Any:
+    """Convert a mesh to a solid of manifold3d. The solid is empty if the mesh is not a closed surface in which each edge has two triangles.
+    """
+    from manifold3d import Manifold, Mesh64
+
+    return Manifold(Mesh64(np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.faces, dtype=np.uint64)))
+
+
+def from_manifold(solid: Any) -> Triangles:
+    """Convert a solid of manifold3d to a mesh."""
+    mesh = solid.to_mesh64()
+    vertices = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
+    return Triangles(vertices, np.asarray(mesh.tri_verts, dtype=np.int64).reshape(-1, 3))
+
+
+def from_trimesh(mesh: Any) -> Triangles:
+    """Convert a mesh of trimesh. Triangles in which the same vertex occurs twice, and unused vertices, are removed."""
+    return without_slivers(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64))
 
 
 def counted_twice(meshes: Sequence[Triangles]) -> float:
     """Return the difference between the sum of the volumes of closed meshes and the volume of their union, which manifold3d computes."""
-    from manifold3d import Manifold, Mesh64, OpType
+    from manifold3d import Manifold, OpType
 
-    solids = [Manifold(Mesh64(np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.faces, dtype=np.uint64))) for mesh in meshes]
+    solids = list(map(to_manifold, meshes))
     return math.fsum(solid.volume() for solid in solids) - float(Manifold.batch_boolean(solids, OpType.Add).volume())
 
 
@@ -93,12 +110,8 @@ def hull(points: NDArray[np.float64]) -> Triangles | None:
     """Return the convex hull of points, computed by manifold3d. Return None if all points are in a plane."""
     from manifold3d import Manifold
 
-    mesh = Manifold.hull_points(np.ascontiguousarray(points, dtype=np.float64)).to_mesh64()
-    faces = np.asarray(mesh.tri_verts, dtype=np.int64)
-    if len(faces) == 0:
-        return None
-    made = Triangles(np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3], faces)
-    return None if made.flat else made.outward()
+    mesh = from_manifold(Manifold.hull_points(np.ascontiguousarray(points, dtype=np.float64)))
+    return None if len(mesh.faces) == 0 or mesh.flat else mesh.outward()
 
 
 # --- files ------------------------------------------------------------------------------------------------------------

@@ -124,12 +124,7 @@ def _cylinder(cylinders: list[tuple[_Line, float]], planes: list[_Line], size: f
     side = _side(cylinders, size)
     if side is None or not all(_parallel(normal, side[0][1]) for _, normal in planes):
         return None
-    (point, axis), radius = side
-    ends = _two((dot(add_scaled(other, point, -1.0), axis) for other, _ in planes), size)
-    if ends is None:
-        return None
-    middle = add_scaled(point, axis, (ends[0] + ends[1]) / 2.0)
-    return _make_primitive("cylinder", (radius, (ends[1] - ends[0]) / 2.0), _shortest_turn(axis), middle)
+    return _round("cylinder", *side, (point for point, _ in planes), size)
 
 
 def _capsule(cylinders: list[tuple[_Line, float]], spheres: list[tuple[Vector, float]], size: float) -> Primitive | None:
@@ -139,11 +134,17 @@ def _capsule(cylinders: list[tuple[_Line, float]], spheres: list[tuple[Vector, f
     (point, axis), radius = side
     if any(abs(other - radius) > SAME * size or _distance_from_line(centre, point, axis) > SAME * size for centre, other in spheres):
         return None
-    ends = _two((dot(add_scaled(centre, point, -1.0), axis) for centre, _ in spheres), size)
-    if ends is None:
+    return _round("capsule", *side, (centre for centre, _ in spheres), size)
+
+
+def _round(shape: PrimitiveShape, line: _Line, radius: float, ends: Iterable[Vector], size: float) -> Primitive | None:
+    """Create a cylinder or a capsule around a line. `ends` contains points of its planes, or the centres of its spheres."""
+    point, axis = line
+    interval = _two((dot(add_scaled(end, point, -1.0), axis) for end in ends), size)
+    if interval is None:
         return None
-    middle = add_scaled(point, axis, (ends[0] + ends[1]) / 2.0)
-    return _make_primitive("capsule", (radius, (ends[1] - ends[0]) / 2.0), _shortest_turn(axis), middle)
+    low, high = interval
+    return _make_primitive(shape, (radius, (high - low) / 2.0), _shortest_turn(axis), add_scaled(point, axis, (low + high) / 2.0))
 
 
 def _sphere(spheres: list[tuple[Vector, float]], size: float) -> Primitive | None:

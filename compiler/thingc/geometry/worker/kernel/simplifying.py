@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thingc.geometry.worker.kernel.meshing import Triangles, without_slivers
+from thingc.geometry.worker.kernel.meshing import Triangles, from_manifold, from_trimesh, to_manifold, without_slivers
 from thingc.geometry.worker.part_session import NoPart
 
 if TYPE_CHECKING:
@@ -46,15 +46,15 @@ def simplify(mesh: Triangles, faces: int) -> Triangles:
         return mesh
     scale = SIZE / float(np.ptp(mesh.vertices, axis=0).max())
     mesh = mesh.scale(scale)
-    solid = _solid(mesh)
-    whole = solid.num_tri() > 0  # otherwise, edges between touching bodies have four triangles, which manifold3d does not accept
-    plain = _triangles(solid.simplify(FLAT * SIZE)) if whole else mesh
+    solid = to_manifold(mesh)
+    is_manifold = solid.num_tri() > 0  # otherwise, edges between touching bodies have four triangles, which manifold3d does not accept
+    plain = _triangles(solid.simplify(FLAT * SIZE)) if is_manifold else mesh
     if len(plain.faces) <= faces:
         return plain.scale(1.0 / scale)
     fewer = _by_quadrics(plain, faces)
-    if len(fewer.faces) > faces or not _sound(fewer, whole):
-        fewer = _by_tolerance(solid, faces) if whole else mesh
-    if len(fewer.faces) > faces or not _sound(fewer, whole):
+    if len(fewer.faces) > faces or not _sound(fewer, is_manifold):
+        fewer = _by_tolerance(solid, faces) if is_manifold else mesh
+    if len(fewer.faces) > faces or not _sound(fewer, is_manifold):
         raise NoPart("unbounded", f"its surface cannot be simplified to {faces} triangles without gaps")
     return fewer.scale(1.0 / scale)
 
@@ -71,8 +71,7 @@ def deviation(one: Triangles, other: Triangles) -> float:
 def _by_quadrics(mesh: Triangles, faces: int) -> Triangles:
     import trimesh
 
-    fewer = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).simplify_quadric_decimation(face_count=faces)
-    return without_slivers(np.asarray(fewer.vertices, dtype=np.float64), np.asarray(fewer.faces, dtype=np.int64))
+    return from_trimesh(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).simplify_quadric_decimation(face_count=faces))
 
 
 def _by_tolerance(solid: Any, faces: int) -> Triangles:
@@ -85,21 +84,14 @@ def _by_tolerance(solid: Any, faces: int) -> Triangles:
     return _triangles(fewer)
 
 
-def _sound(mesh: Triangles, whole: bool) -> bool:
-    """Return whether a mesh encloses a volume and has no border. If `whole` is True, each edge must also have exactly two triangles."""
-    return mesh.closed and not mesh.flat and mesh.volume > 0.0 and (not whole or _solid(mesh).num_tri() == len(mesh.faces))
-
-
-def _solid(mesh: Triangles) -> Any:
-    from manifold3d import Manifold, Mesh64
-
-    return Manifold(Mesh64(np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.faces, dtype=np.uint64)))
-
-
 def _triangles(solid: Any) -> Triangles:
-    mesh = solid.to_mesh64()
-    vertices = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
-    return without_slivers(vertices, np.asarray(mesh.tri_verts, dtype=np.int64).reshape(-1, 3))
+    mesh = from_manifold(solid)
+    return without_slivers(mesh.vertices, mesh.faces)
+
+
+def _sound(mesh: Triangles, is_manifold: bool) -> bool:
+    """Return whether a mesh encloses a volume and has no border. If `is_manifold` is True, each edge must also have two triangles."""
+    return mesh.closed and not mesh.flat and mesh.volume > 0.0 and (not is_manifold or to_manifold(mesh).num_tri() == len(mesh.faces))
 
 
 def _farthest(points: NDArray[np.float64], surface: Triangles) -> float:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from manifold3d import triangulate
-from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.BRepTools import BRepTools
@@ -22,14 +22,14 @@ from OCP.GeomAbs import GeomAbs_Line, GeomAbs_Plane
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS, TopoDS_Compound
+from OCP.TopoDS import TopoDS
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.geometry.worker.kernel.integrals import subshapes
+from thingc.geometry.worker.kernel.integrals import make_compound, subshapes
 from thingc.geometry.worker.kernel.meshing import Triangles, without_slivers
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
     from OCP.gp import gp_Dir
@@ -100,7 +100,7 @@ def _mesh_shape(shape: TopoDS_Shape, faces: Sequence[_Face], filled: Sequence[bo
     points = _Points()
     others = [face for face, one in zip(faces, filled, strict=True) if not one]
     if others:
-        BRepMesh_IncrementalMesh(_compound(face.face for face in others), linear, False, angular * (1.0 + _ROUND_ANGLES), False)
+        BRepMesh_IncrementalMesh(make_compound(face.face for face in others), linear, False, angular * (1.0 + _ROUND_ANGLES), False)
     triangles = [np.zeros((0, 3), dtype=np.int64), *(points.of_kernel(face) for face in others)]
     planes = [face for face, one in zip(faces, filled, strict=True) if one]
     bounds = [points.rings(face) for face in planes]
@@ -113,14 +113,6 @@ def _mesh_shape(shape: TopoDS_Shape, faces: Sequence[_Face], filled: Sequence[bo
             return None
         triangles.append(inside)
     return without_slivers(places, np.concatenate(triangles))
-
-
-def _compound(faces: Iterable[TopoDS_Face]) -> TopoDS_Compound:
-    builder, compound = BRep_Builder(), TopoDS_Compound()
-    builder.MakeCompound(compound)
-    for face in faces:
-        builder.Add(compound, face)
-    return compound
 
 
 class _Points:

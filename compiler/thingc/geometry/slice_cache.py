@@ -8,32 +8,14 @@ from typing import Any
 from msgspec import convert
 from msgspec.structs import asdict, replace
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.print_slices import SliceFailure, SliceResult, Slicing
 from thingc.geometry.record import PartFailure, PartRecord
-from thingc.geometry.store.local import Store
+from thingc.geometry.worker_calls import WorkerCalls
 
 KEPT = 4096
 """Maximum number of results that are held in memory."""
 
 Records = dict[str, "PartRecord | PartFailure"]
-
-
-class MeshWork(FrozenStruct, kw_only=False):
-    """Work on meshes in the store that workers do.
-
-    The function `run` sends requests to the workers, and yields each request with its answer. `timeout` [s] is the time limit of a request.
-    The function `broken` converts a failed answer to a `PartFailure`.
-    """
-
-    store: Store
-    timeout: float
-    run: Callable[[list[dict[str, Any]], str], Iterable[tuple[dict[str, Any], dict[str, Any]]]]
-    broken: Callable[[str, dict[str, Any]], PartFailure]
-
-    def request(self, operation: str, mesh: str, **settings: Any) -> dict[str, Any]:
-        """Create a request for an operation on a mesh."""
-        return {"op": operation, "mesh": mesh, **settings, "store": self.store.root, "timeout": self.timeout}
 
 
 class SliceCache:
@@ -43,8 +25,8 @@ class SliceCache:
     that slices meshes.
     """
 
-    def __init__(self, work: MeshWork, versions: Callable[[], Mapping[str, str]]) -> None:
-        self._work = work
+    def __init__(self, calls: WorkerCalls, versions: Callable[[], Mapping[str, str]]) -> None:
+        self._calls = calls
         self._versions = versions
         self._known: dict[tuple[str, Slicing], SliceResult | SliceFailure] = {}
         self._made: dict[str, tuple[PartRecord, frozenset[Slicing], PartRecord]] = {}
@@ -72,13 +54,14 @@ class SliceCache:
     def _ask(self, missing: Mapping[tuple[str, Slicing], list[str]], records: Records) -> None:
         ordered = sorted(missing, key=repr)
         requests = [
-            self._work.request("slice", mesh, slicing=asdict(slicing), number=number) for number, (mesh, slicing) in enumerate(ordered)
+            self._calls.request(op="slice", mesh=mesh, slicing=asdict(slicing), number=number)
+            for number, (mesh, slicing) in enumerate(ordered)
         ]
-        for request, answer in self._work.run(requests, "slicing") if requests else ():
+        for request, answer in self._calls.run(requests, "slicing"):
             key = ordered[request["number"]]
             if "failed" in answer:
                 for text in missing[key]:
-                    records[text] = self._work.broken(text, answer)
+                    records[text] = self._calls.failure(text, answer)
                 continue
             self._keep(key, answer["answer"])
 
@@ -88,13 +71,13 @@ class SliceCache:
             self._keep((_mesh(record), convert(slicing, Slicing)), value)
 
     def _keep(self, key: tuple[str, Slicing], value: Any) -> None:
-        self._work.store.put_json("slices", self._place(*key), value)
+        self._calls.store.put_json("slices", self._place(*key), value)
         self._note(key, value)
 
     def _find_slice(self, mesh: str, slicing: Slicing) -> SliceResult | SliceFailure | None:
         key = (mesh, slicing)
         if key not in self._known:
-            value = self._work.store.get_json("slices", self._place(mesh, slicing))
+            value = self._calls.store.get_json("slices", self._place(mesh, slicing))
             if value is None:
                 return None
             self._note(key, value)
