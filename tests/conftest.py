@@ -10,7 +10,7 @@ import re
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +82,7 @@ def _kept(_: int, *, seed: int = 0) -> Workers:
     return _KEPT.setdefault(tuple(environment(seed).items()), _Kept(2, seed=seed))
 
 
-def _kept_once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
+def _kept_once(request: Mapping[str, Any]) -> dict[str, Any]:
     """Send a request to the shared workers, instead of to a new process, which would load the CAD kernel."""
     [(_, answer)] = _kept(2).run([request])
     return answer
