@@ -14,8 +14,7 @@ from msgspec.structs import replace
 
 from thingc.base.pose import Pose, make_translation, turned_z
 from thingc.geometry.client import Workers, once
-from thingc.geometry.record import Placed
-from thingc.geometry.service import AssemblyFailed
+from thingc.geometry.record import AssemblyFailed, Placed
 from thingc.geometry.worker.kernel.step_order import sort_styles, without_noise
 
 PARTS = """
