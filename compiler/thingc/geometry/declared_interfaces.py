@@ -34,15 +34,15 @@ def contradictions(features: Iterable[MatingFeature], mount: Pose, measured: Fea
     faces = [mount.inverse().apply(one.centre) for one in measured.planes if dist(one.normal, transpose(mount.rotation)[2]) <= SAME]
     tops = [*(one.high for one in solids if one.away(0.0, 0.0) <= SAME), *(w for u, v, w in faces if hypot(u, v) <= SAME)]
     found = ((one, _difference(one, holes, solids, tops)) for one in features)
-    return tuple(f"{one}, but {words}" for one, words in found if words is not None)
+    return tuple(f"{one}, but {difference}" for one, difference in found if difference is not None)
 
 
 def _rounds(mount: Pose, measured: Features, hollow: bool) -> Iterable[_Round]:
-    back = mount.inverse()
+    to_mount = mount.inverse()
     for one in measured.cylinders:
-        x, y, z = rotate(back.rotation, one.line.axis)
+        x, y, z = rotate(to_mount.rotation, one.line.axis)
         if one.hollow == hollow and hypot(x, y) <= 1e-9 and one.sweep > 3.0:
-            u, v, w = back.apply(one.line.point)
+            u, v, w = to_mount.apply(one.line.point)
             low, high = sorted((w + z * one.lower, w + z * one.upper))
             yield _Round(x=u, y=v, low=low, high=high, diameter=2.0 * one.radius)
 
@@ -57,10 +57,10 @@ def _difference(feature: MatingFeature, holes: Sequence[_Round], solids: Sequenc
     if isinstance(feature, Bore):
         return _hole(0.0, 0.0, (feature.diameter - SAME, feature.diameter + SAME), feature.depth, holes)
     if isinstance(feature, Boss):
-        sizes_there = [one.diameter for one in solids if one.high > SAME and one.away(0.0, 0.0) <= SAME]
-        close = min(sizes_there, key=lambda one: abs(one - feature.diameter), default=None)
-        if close is None or abs(close - feature.diameter) > SAME:
-            return "there is no cylinder on the axis of the mount" if close is None else f"its diameter is {mm(close)}"
+        diameters = [one.diameter for one in solids if one.high > SAME and one.away(0.0, 0.0) <= SAME]
+        closest = min(diameters, key=lambda one: abs(one - feature.diameter), default=None)
+        if closest is None or abs(closest - feature.diameter) > SAME:
+            return "there is no cylinder on the axis of the mount" if closest is None else f"its diameter is {mm(closest)}"
     if isinstance(feature, (Boss, Shank)) and (length := feature.length) is not None:
         top = min(tops, key=lambda one: abs(one - length), default=0.0)
         return f"it is {mm(top)} long, not {mm(length)}" if abs(top - length) > SAME else None
@@ -73,15 +73,15 @@ def _hole(x: float, y: float, sizes: tuple[float, float], depth: float | None, h
     The hole may begin below a chamfer, and consist of several cylinders with chamfers between them.
     """
     place, open_holes = mm(x, y), [one for one in holes if one.low < -SAME and one.high >= -one.diameter]
-    there = [one for one in open_holes if one.away(x, y) <= SAME]
-    if not there:
-        close = min(open_holes, key=lambda one: one.away(x, y), default=None)
-        if close is None:
+    at_point = [one for one in open_holes if one.away(x, y) <= SAME]
+    if not at_point:
+        closest = min(open_holes, key=lambda one: one.away(x, y), default=None)
+        if closest is None:
             return f"there is no hole at {place}"
-        circle = mm(2.0 * close.away(0.0, 0.0))
-        return f"there is no hole at {place}: the closest is at {mm(close.x, close.y)}, on a circle of {circle}"
-    if not any(sizes[0] <= one.diameter <= sizes[1] for one in there):
-        return f"the hole at {place} has a diameter of {mm(there[0].diameter)}"
+        circle = mm(2.0 * closest.away(0.0, 0.0))
+        return f"there is no hole at {place}: the closest is at {mm(closest.x, closest.y)}, on a circle of {circle}"
+    if not any(sizes[0] <= one.diameter <= sizes[1] for one in at_point):
+        return f"the hole at {place} has a diameter of {mm(at_point[0].diameter)}"
     reach = 0.0
     for one in sorted((one for one in holes if one.away(x, y) <= SAME), key=lambda one: -one.high):
         reach = max(reach, -one.low) if one.high >= -reach - one.diameter else reach

@@ -38,9 +38,9 @@ def damaged_file_error(suffix: str, fault: Exception) -> BadMesh:
 
     Messages that Python itself creates are omitted, because they only describe internal values.
     """
-    said = " ".join(str(fault).removeprefix(f"{type(fault).__name__}: ").split())
-    inner = isinstance(fault, (LookupError, TypeError, AttributeError, NameError, OSError)) or not said
-    return BadMesh(f"is damaged, or is not {suffix[1:].upper()}" + ("" if inner else f" ({said})"))
+    message = " ".join(str(fault).removeprefix(f"{type(fault).__name__}: ").split())
+    is_internal = isinstance(fault, (LookupError, TypeError, AttributeError, NameError, OSError)) or not message
+    return BadMesh(f"is damaged, or is not {suffix[1:].upper()}" + ("" if is_internal else f" ({message})"))
 
 
 def read_bounded(path: str, suffix: str, most: int = MOST) -> bytes:
@@ -60,32 +60,32 @@ def check_mesh_file(suffix: str, data: bytes, most: int = MOST) -> None:
     Raises `BadMesh` if the file is empty, too large or truncated. Also raises `BadMesh` if the file declares more than `most` triangles or
     too many objects.
     """
-    told: int | None = None
+    declared: int | None = None
     if not data:
         raise BadMesh("is empty")
     if len(data) > LARGEST:
         raise BadMesh(f"is larger than {LARGEST // 1_000_000} MB")
     if suffix == ".stl" and is_text(data):
-        told = sum(1 for _ in _FACET.finditer(data))
+        declared = sum(1 for _ in _FACET.finditer(data))
         if b"facet" in data and b"endsolid" not in data.lower():
             raise BadMesh("is truncated: it has no `endsolid`")
     elif suffix == ".stl":
         if len(data) < _HEAD:
             raise BadMesh(f"is truncated: it has {len(data)} bytes, but a binary STL file has at least {_HEAD}")
-        told, there = int.from_bytes(data[80:84], "little"), (len(data) - _HEAD) / _TRIANGLE
-        if told != there:
-            what = "is truncated" if told > there else "has data after its end"
-            raise BadMesh(f"{what}: it declares {told} triangles, but has bytes for {there:.6g}")
+        declared, present = int.from_bytes(data[80:84], "little"), (len(data) - _HEAD) / _TRIANGLE
+        if declared != present:
+            what = "is truncated" if declared > present else "has data after its end"
+            raise BadMesh(f"{what}: it declares {declared} triangles, but has bytes for {present:.6g}")
     elif suffix == ".ply" and (match := re.search(rb"^element face (\d+)", data[:10_000], re.MULTILINE)):
-        told = int(match[1])
+        declared = int(match[1])
     elif suffix == ".obj":
-        told = sum(1 for _ in _FACE.finditer(data))
+        declared = sum(1 for _ in _FACE.finditer(data))
     elif suffix == ".dae":
         with contextlib.suppress(ElementTree.ParseError, ValueError, LookupError):  # the reader of the file reports these errors
             _unfold_collada(ElementTree.fromstring(data))
     elif suffix in (".glb", ".gltf"):
-        told = _told_by_gltf(data if suffix == ".gltf" else data[20 : 20 + int.from_bytes(data[12:16], "little")])
-    refuse_beyond(told or 0, most)
+        declared = _declared_by_gltf(data if suffix == ".gltf" else data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    refuse_beyond(declared or 0, most)
 
 
 def refuse_beyond(count: int, most: int = MOST, what: str = "triangles") -> None:
@@ -104,14 +104,14 @@ def unfold(root: _T, parts: Callable[[_T], Iterable[_T]]) -> None:
 
     The function `parts` returns the objects that an object contains.
     """
-    known: dict[_T, int] = {}
+    counts: dict[_T, int] = {}
 
     def count(one: _T, level: int) -> int:
         if level > LEVELS:
             raise BadMesh(f"has objects that contain themselves, or are nested deeper than {LEVELS} levels")
-        if one not in known:
-            known[one] = 1 + sum(count(part, level + 1) for part in parts(one))
-        return known[one]
+        if one not in counts:
+            counts[one] = 1 + sum(count(part, level + 1) for part in parts(one))
+        return counts[one]
 
     refuse_beyond(count(root, 0), INSTANCES, "objects, counted once per placement")
 
@@ -128,7 +128,7 @@ def _unfold_collada(root: ElementTree.Element) -> None:
             unfold(scene, parts)
 
 
-def _told_by_gltf(text: bytes) -> int:
+def _declared_by_gltf(text: bytes) -> int:
     """Return a lower bound of the number of triangles that the accessors of a glTF file declare.
 
     Sparse accessors do not need bytes for their elements, and several accessors may share the same bytes. Raises `BadMesh` if the file

@@ -82,11 +82,11 @@ def report_hidden(parts: PartSource, references: Iterable[tuple[str, Span | None
     The location of the warning is the first reference to a part with this module. If no reference has a location, the warning is reported
     at the module itself.
     """
-    said: set[str] = set()
+    reported: set[str] = set()
     for reference, where in references:
         for module in parts.hiding(reference):
-            if module.file is not None and module.name not in said:
-                said.add(module.name)
+            if module.file is not None and module.name not in reported:
+                reported.add(module.name)
                 hidden = " and ".join(f"`{parts.workspace.relative(file)}`" for file in module.hides)
                 report.warn(
                     Code.HIDDEN, f"`{reference}` imports the module `{module.name}` from `{parts.workspace.relative(module.file)}`, which "

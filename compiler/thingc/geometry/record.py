@@ -108,10 +108,10 @@ class PartSchema(OneLineRepr, FrozenStruct):
     def definition(self, values: Mapping[str, Value]) -> PartDefinition:
         """Create a part definition from values for all parameters. The values are in SI units."""
         kinds = {parameter.name: parameter.kind for parameter in self.parameters}
-        given = tuple(sorted(values.items()))
-        words = {name: format_value(kinds[name], value, LABEL_DIGITS) for name, value in given}
+        parameters = tuple(sorted(values.items()))
+        words = {name: format_value(kinds[name], value, LABEL_DIGITS) for name, value in parameters}
         return PartDefinition(
-            reference=self.reference, kind="code", parameters=given, text=definition_text(self.reference, values, self.defaults),
+            reference=self.reference, kind="code", parameters=parameters, text=definition_text(self.reference, values, self.defaults),
             words=tuple(words.values()), label=definition_label(self.reference, values, self.defaults, words),
         )
 

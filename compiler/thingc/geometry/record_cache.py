@@ -110,10 +110,10 @@ class ConvexAnswers:
             text: [(record.simulated.sha256, most) for most in convex[text]] for text in sorted(convex)
             if isinstance(record := records.get(text), PartRecord) and record.simulated is not None
         }
-        made = self.pieces(dict.fromkeys(mesh for several in meshes.values() for mesh in several))
-        for text, several in meshes.items():
-            for sha256, most in several:
-                answer, record = made[sha256, most], records[text]
+        answers = self.pieces(dict.fromkeys(mesh for requested in meshes.values() for mesh in requested))
+        for text, requested in meshes.items():
+            for sha256, most in requested:
+                answer, record = answers[sha256, most], records[text]
                 if isinstance(answer, PartFailure):
                     records[text] = replace(answer, subject=text)
                 elif isinstance(record, PartRecord):
@@ -126,9 +126,9 @@ class ConvexAnswers:
         pieces: dict[tuple[str, int], tuple[Mesh, ...] | PartFailure] = {}
         requests = []
         for mesh, most in wanted:
-            kept = convert(store.get_json(CONVEX, f"{version} {mesh} {most}"), tuple[Mesh, ...] | None)
-            if kept is not None and all(store.has(piece.sha256, piece.size) for piece in kept):
-                pieces[mesh, most] = kept
+            cached = convert(store.get_json(CONVEX, f"{version} {mesh} {most}"), tuple[Mesh, ...] | None)
+            if cached is not None and all(store.has(piece.sha256, piece.size) for piece in cached):
+                pieces[mesh, most] = cached
             else:
                 requests.append(self._calls.request(op="decompose", mesh=mesh, most=most))
         for request, answer in self._calls.run(requests, "decomposing"):
@@ -136,7 +136,7 @@ class ConvexAnswers:
             if "failed" in answer:
                 pieces[mesh, most] = self._calls.failure(mesh, answer)
                 continue
-            made = answer["answer"]["pieces"]
-            store.put_json(CONVEX, f"{version} {mesh} {most}", made)
-            pieces[mesh, most] = convert(made, tuple[Mesh, ...])
+            values = answer["answer"]["pieces"]
+            store.put_json(CONVEX, f"{version} {mesh} {most}", values)
+            pieces[mesh, most] = convert(values, tuple[Mesh, ...])
         return pieces

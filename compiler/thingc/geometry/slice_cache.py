@@ -28,8 +28,8 @@ class SliceCache:
     def __init__(self, calls: WorkerCalls, versions: Callable[[], Mapping[str, str]]) -> None:
         self._calls = calls
         self._versions = versions
-        self._known: dict[tuple[str, Slicing], SliceResult | SliceFailure] = {}
-        self._made: dict[str, tuple[PartRecord, frozenset[Slicing], PartRecord]] = {}
+        self._results: dict[tuple[str, Slicing], SliceResult | SliceFailure] = {}
+        self._sliced: dict[str, tuple[PartRecord, frozenset[Slicing], PartRecord]] = {}
 
     def add_slices(self, records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]]) -> Records:
         """Return part records with the slices that `wanted` lists, keyed by definition text.
@@ -44,14 +44,14 @@ class SliceCache:
                 key = (_mesh(records[text]), slicing)
                 if key[0] and self._find_slice(*key) is None:
                     missing.setdefault(key, []).append(text)
-        self._ask(missing, sliced)
+        self._slice_missing(missing, sliced)
         for text, slicings in texts.items():
             record = sliced[text]
             if isinstance(record, PartRecord) and _mesh(record):
                 sliced[text] = self._with_slices(text, record, slicings)
         return sliced
 
-    def _ask(self, missing: Mapping[tuple[str, Slicing], list[str]], records: Records) -> None:
+    def _slice_missing(self, missing: Mapping[tuple[str, Slicing], list[str]], records: Records) -> None:
         ordered = sorted(missing, key=repr)
         requests = [
             self._calls.request(op="slice", mesh=mesh, slicing=asdict(slicing), number=number)
@@ -71,36 +71,36 @@ class SliceCache:
             self._keep((_mesh(record), convert(slicing, Slicing)), value)
 
     def _keep(self, key: tuple[str, Slicing], value: Any) -> None:
-        self._calls.store.put_json("slices", self._place(*key), value)
-        self._note(key, value)
+        self._calls.store.put_json("slices", self._store_key(*key), value)
+        self._remember(key, value)
 
     def _find_slice(self, mesh: str, slicing: Slicing) -> SliceResult | SliceFailure | None:
         key = (mesh, slicing)
-        if key not in self._known:
-            value = self._calls.store.get_json("slices", self._place(mesh, slicing))
+        if key not in self._results:
+            value = self._calls.store.get_json("slices", self._store_key(mesh, slicing))
             if value is None:
                 return None
-            self._note(key, value)
-        return self._known[key]
+            self._remember(key, value)
+        return self._results[key]
 
-    def _place(self, mesh: str, slicing: Slicing) -> str:
+    def _store_key(self, mesh: str, slicing: Slicing) -> str:
         """Return the key under which the store contains the slices of a mesh for the given slicing settings."""
         return repr([sorted(self._versions().items()), mesh, sorted(asdict(slicing).items())])
 
-    def _note(self, key: tuple[str, Slicing], value: Any) -> None:
-        while len(self._known) >= KEPT:
-            del self._known[next(iter(self._known))]
-        self._known[key] = convert(value, SliceResult | SliceFailure)
+    def _remember(self, key: tuple[str, Slicing], value: Any) -> None:
+        while len(self._results) >= KEPT:
+            del self._results[next(iter(self._results))]
+        self._results[key] = convert(value, SliceResult | SliceFailure)
 
     def _with_slices(self, text: str, record: PartRecord, slicings: frozenset[Slicing]) -> PartRecord:
         """Return a part record with the slices for the given slicing settings.
 
         If the slices have not changed, return the same object as in the last call.
         """
-        last = self._made.get(text)
+        last = self._sliced.get(text)
         if last is None or last[0] is not record or last[1] != slicings:
             slices = {slicing: answer for slicing in slicings if (answer := self._find_slice(_mesh(record), slicing)) is not None}
-            last = self._made[text] = (record, slicings, replace(record, slices={**record.slices, **slices}))
+            last = self._sliced[text] = (record, slicings, replace(record, slices={**record.slices, **slices}))
         return last[2]
 
 

@@ -61,18 +61,18 @@ def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str:
 
 
 def _phrase(label: str, old: Mapping[str, str], new: Mapping[str, str]) -> str:
-    kind, _, rest = label.partition(" ")
+    kind, _, name = label.partition(" ")
     verb = "is new" if label not in old else "is gone" if label not in new else "changed"
     if kind == "module":
-        return f"module `{rest}` {verb}"
-    if kind == "version" and rest == "thingc":
+        return f"module `{name}` {verb}"
+    if kind == "version" and name == "thingc":
         return "thingc changed"
     if kind == "version":
-        return f"{rest} changed from {old.get(label, 'nothing')} to {new.get(label, 'nothing')}"
+        return f"{name} changed from {old.get(label, 'nothing')} to {new.get(label, 'nothing')}"
     if kind == "parameter":
-        return f"parameter `{rest}` {verb}"
+        return f"parameter `{name}` {verb}"
     if kind == "mesh":
-        purpose, _, which = rest.rpartition(" ")
+        purpose, _, which = name.rpartition(" ")
         return f"the {which} tolerance of {purpose + ' ' if purpose else ''}meshes changed"
     if label == "file":
         return f"file {new.get('part', old.get('part'))} changed"

@@ -161,17 +161,17 @@ def code_of(reference: str, sources: ModuleSources) -> CodeIngredients:
     module, _, name = reference.partition(":")
     reached = [sources.finder.find(one) for one in reached_from(module, sources)]
     tracked = [source for one in reached if (source := sources.source(one.name)) is not None]
-    texts = any(source.facts.telling for source in tracked)
-    whole = texts or any(source.facts.looking for source in tracked)
+    reads_texts = any(source.facts.telling for source in tracked)
+    inspects_functions = reads_texts or any(source.facts.looking for source in tracked)
     return CodeIngredients(
-        ingredients={one.label: f"{one.sha256 if texts else one.facts.syntax} {one.path}" for one in tracked},
-        documented={one.label: f"{one.sha256 if texts else one.facts.documented} {one.path}" for one in tracked},
+        ingredients={one.label: f"{one.sha256 if reads_texts else one.facts.syntax} {one.path}" for one in tracked},
+        documented={one.label: f"{one.sha256 if reads_texts else one.facts.documented} {one.path}" for one in tracked},
         installed={one.name for one in reached if one.kind == "installed"},
         files={one.module.file: one.sha256 for one in tracked if one.module.file is not None},
         plain={one.name for one in reached if one.kind == "content" and one.file is None},
         hiding=tuple(one for one in reached if one.hides),
         place=_definition_line(module, name.partition(".")[0], sources),
-        sources={} if whole else {one.module.file: one for one in tracked if one.module.file is not None},
+        sources={} if inspects_functions else {one.module.file: one for one in tracked if one.module.file is not None},
     )
 
 
@@ -181,21 +181,21 @@ def reached_from(module: str, sources: ModuleSources) -> list[str]:
     Imported modules that do not exist are included.
     """
     reached: set[str] = set()
-    waiting = [module]
-    while waiting:
-        name = waiting.pop()
+    to_visit = [module]
+    while to_visit:
+        name = to_visit.pop()
         if not name or name in reached:
             continue
         reached.add(name)
-        waiting.append(name.rpartition(".")[0])
+        to_visit.append(name.rpartition(".")[0])
         source = sources.source(name)
         if source is None:
             continue
         for origin in source.facts.imports:
             target, inner = _absolute(source, origin)
-            waiting.append(target)
+            to_visit.append(target)
             if target and inner not in ("", "*") and sources.finder.find(f"{target}.{inner}").kind == "content":
-                waiting.append(f"{target}.{inner}")
+                to_visit.append(f"{target}.{inner}")
     return sorted(reached)
 
 
@@ -217,14 +217,14 @@ def _namespaces(module: str, sources: ModuleSources) -> list[ModuleSource | None
 
     The source of an unreadable module is None.
     """
-    met = [module]
+    names = [module]
     namespaces: list[ModuleSource | None] = []
-    for name in met:
+    for name in names:
         source = sources.source(name)
         namespaces.append(source)
         if source is not None:
             stars = [origin for origin in source.facts.imports if origin.endswith(":*")]
-            met += [target for origin in stars if (target := _absolute(source, origin)[0]) not in met]
+            names += [target for origin in stars if (target := _absolute(source, origin)[0]) not in names]
     return namespaces
 
 

@@ -86,8 +86,8 @@ class PartCode:
         if not allowed and (module.kind != "absent" or finder.find(top).kind == "installed"):
             message = f"`{module_name}` is neither in a part folder nor in an allowed package"
             if hidden := finder.find_hidden(top):
-                shown = os.path.relpath(hidden, self.workspace.root)
-                message = f"the module `{top}` of Python or of a dependency of thingc hides `{shown}`: rename the file"
+                path = os.path.relpath(hidden, self.workspace.root)
+                message = f"the module `{top}` of Python or of a dependency of thingc hides `{path}`: rename the file"
             return PartFailure(subject=reference, kind="refused", message=message, candidates=tuple(self.workspace.packages))
         if module.kind == "installed":
             return None
@@ -112,8 +112,8 @@ class PartCode:
         If `code` is None, the versions include the package of `reference`.
         """
         package = reference.partition(":")[0].partition(".")[0]
-        own = {name.partition(".")[0] for name in code.installed} if code is not None else {package} - {""}
-        used = (*KERNEL, *own)
+        packages = {name.partition(".")[0] for name in code.installed} if code is not None else {package} - {""}
+        used = (*KERNEL, *packages)
         key = tuple(sorted(set(used) - OWN))
         if key not in self._known_versions:
             self._known_versions[key] = {**platform_versions(), **compiler_version(), **versions_of(key, self.file_of, self.store)}
@@ -156,9 +156,9 @@ def file_state(definition: PartDefinition, workspace: Workspace, results: Result
     state = results.state(definition.reference, "file:")
     if not state.startswith("file:"):
         folder = os.path.dirname(definition.reference)
-        near = [os.path.join(folder, name).replace(os.sep, "/") for name in listing(os.path.dirname(path))]
+        files = [os.path.join(folder, name).replace(os.sep, "/") for name in listing(os.path.dirname(path))]
         return PartFailure(
             subject=definition.text, kind="missing", message=f"there is no file `{definition.reference}`",
-            candidates=tuple(name for name in near if name.lower().endswith(FILES)),
+            candidates=tuple(name for name in files if name.lower().endswith(FILES)),
         )
     return state

@@ -101,13 +101,13 @@ class Results:
 
         Return None if the definition has not been built or reused in this workspace.
         """
-        key = self.store.get_json("last", self._of(text))
+        key = self.store.get_json("last", self._workspace_key(text))
         ingredients = self.store.get_json("build_key", key) if isinstance(key, str) else None
         return BuildKey(ingredients=ingredients) if isinstance(ingredients, dict) else None
 
     def met_before(self, reference: str) -> bool:
         """Return whether any definition of the part `reference` (`module:Class` or a file) has been built or reused in this workspace."""
-        return self.store.get_json("met", self._of(reference)) is not None
+        return self.store.get_json("met", self._workspace_key(reference)) is not None
 
     def remember(self, realized: Iterable[tuple[str, str, BuildKey]]) -> None:
         """Store the last builds as tuples of reference, definition text and build key.
@@ -115,14 +115,14 @@ class Results:
         Data that has not changed is not written.
         """
         for reference, text, build_key in realized:
-            if self.store.get_json("last", self._of(text)) == build_key.key:
+            if self.store.get_json("last", self._workspace_key(text)) == build_key.key:
                 continue
             self.store.note_json("build_key", build_key.key, build_key.ingredients)
-            self.store.note_json("last", self._of(text), build_key.key)
+            self.store.note_json("last", self._workspace_key(text), build_key.key)
             if not self.met_before(reference):
-                self.store.note_json("met", self._of(reference), True)
+                self.store.note_json("met", self._workspace_key(reference), True)
 
-    def _of(self, name: str) -> str:
+    def _workspace_key(self, name: str) -> str:
         """Return the store key of an entry that is valid only for this workspace."""
         return f"{self.root}\n{name}"
 

@@ -11,13 +11,13 @@ from typing import Any
 from thingc.base.python_source import parse_python
 from thingc.geometry.key.modules import MAX_NAME
 
-TELLING = frozenset({
+TEXT_READERS = frozenset({
     "__doc__", "f_lineno", "tb_lineno", "co_firstlineno", "co_lines", "co_positions", "co_linetable", "co_lnotab", "co_consts",
     "inspect", "linecache", "pydoc", "traceback",
 })
 """Names that code uses to read docstrings, line numbers or source texts, which are otherwise not part of a key."""
 
-BINDING = frozenset({
+NAME_DEFINERS = frozenset({
     "exec", "eval", "globals", "locals", "vars", "setattr", "modules", "f_globals", "__dict__", "__getattr__", "__builtins__",
 })
 """Names with which a module can define other names without a binding statement. A `global` statement in a function has the same effect."""
@@ -30,7 +30,7 @@ LOOKING = re.compile(
 
 _IMPLIED = ("ctx", "kind")
 """Fields of syntax nodes that are ignored, because they do not contain additional information."""
-_END, _LEFT = object(), object()
+_END, _END_OF_PART = object(), object()
 
 PLAIN = frozenset({"classmethod", "property", "staticmethod"})
 """Decorators that do not run the decorated function. A function with such a decorator only runs when it is called."""
@@ -58,19 +58,19 @@ def functions(tree: ast.Module, source: bytes) -> list[ast.FunctionDef]:
     """
     definitions: list[ast.FunctionDef] = []
     yields = b"yield" in source
-    waiting: list[ast.AST] = [statement for statement in tree.body if not _is_main_guard(statement)]
-    while waiting:
-        node = waiting.pop(0)
+    to_visit: list[ast.AST] = [statement for statement in tree.body if not _is_main_guard(statement)]
+    while to_visit:
+        node = to_visit.pop(0)
         if isinstance(node, ast.FunctionDef):
             plain = all(isinstance(one, ast.Name) and one.id in PLAIN for one in node.decorator_list)
             if plain and not (yields and any(isinstance(one, (ast.Yield, ast.YieldFrom)) for one in ast.walk(node))):
                 definitions.append(node)
         elif not isinstance(node, (ast.AsyncFunctionDef, ast.expr)):
-            waiting[:0] = ast.iter_child_nodes(node)
+            to_visit[:0] = ast.iter_child_nodes(node)
     return definitions
 
 
-def _own(function: ast.FunctionDef) -> list[Any]:
+def _inert_parts(function: ast.FunctionDef) -> list[Any]:
     """Return the parts of a function that have no effect until the function is called. Such parts are the body of the function, and default
     arguments that are plain values.
     """
@@ -91,19 +91,19 @@ def _facts(tree: ast.Module, source: bytes) -> dict[str, Any]:
     outline: list[str] = []
     called = functions(tree, source)
     bodies: list[list[str]] = [[] for _ in called]
-    owners = {id(own): body for function, body in zip(called, bodies, strict=True) for own in _own(function)}
+    owners = {id(owned): body for function, body in zip(called, bodies, strict=True) for owned in _inert_parts(function)}
     part = outline
     docstrings: list[str] = []
-    words: set[str] = set()
+    names: set[str] = set()
     imports: set[str] = set()
-    waiting: list[Any] = [tree]
-    while waiting:
-        node = waiting.pop()
+    to_visit: list[Any] = [tree]
+    while to_visit:
+        node = to_visit.pop()
         if part is outline and (body := owners.get(id(node))) is not None:
             outline.append("a part of a function")
             part = body
-            waiting.append(_LEFT)
-        elif node is _LEFT:
+            to_visit.append(_END_OF_PART)
+        elif node is _END_OF_PART:
             part = outline
             continue
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):  # a constant as a statement: a docstring
@@ -112,16 +112,16 @@ def _facts(tree: ast.Module, source: bytes) -> dict[str, Any]:
         if isinstance(node, (ast.Import, ast.ImportFrom)):
             imports.update(origin for _, origin in _imported_names(node) if len(origin) <= MAX_NAME)
         elif isinstance(node, (ast.Global, str)):
-            words.add(node if isinstance(node, str) else "globals")
-        word, inner = _word(node)
-        waiting += reversed(inner)
-        syntax.append(word)
-        part.append(word)
+            names.add(node if isinstance(node, str) else "globals")
+        line, inner = _node_line(node)
+        to_visit += reversed(inner)
+        syntax.append(line)
+        part.append(line)
     return {
         "syntax": _digest(syntax), "documented": _digest([*syntax, *docstrings]), "outline": _digest(outline),
         "bodies": [_digest(body)[:32] for body in bodies], "imports": sorted(imports), "names": _names(tree),
-        "telling": not words.isdisjoint(TELLING), "looking": LOOKING.search(source) is not None, "more": not words.isdisjoint(BINDING),
-        "broken": False,
+        "telling": not names.isdisjoint(TEXT_READERS), "looking": LOOKING.search(source) is not None,
+        "more": not names.isdisjoint(NAME_DEFINERS), "broken": False,
     }
 
 
@@ -129,7 +129,7 @@ def _digest(lines: list[str]) -> str:
     return hashlib.sha256("".join(f"{line}\n" for line in lines).encode()).hexdigest()
 
 
-def _word(node: Any) -> tuple[str, Sequence[Any]]:
+def _node_line(node: Any) -> tuple[str, Sequence[Any]]:
     """Return a line of text that identifies an item of a syntax tree, and the children of the item in order.
 
     An item is a node, a list of nodes, or a plain value.
@@ -168,8 +168,8 @@ def _names(tree: ast.Module) -> dict[str, tuple[str, int, str]]:
     The values are tuples of the kind, the line, and the origin of an imported name.
     """
     names: dict[str, tuple[str, int, str]] = {}
-    waiting: list[ast.AST] = list(tree.body)
-    for node in waiting:
+    nodes: list[ast.AST] = list(tree.body)
+    for node in nodes:
         line = getattr(node, "lineno", 0)
         if isinstance(node, ast.ClassDef):
             names[node.name] = ("class", line, "")
@@ -182,5 +182,5 @@ def _names(tree: ast.Module) -> dict[str, tuple[str, int, str]]:
             for name in (bound, getattr(node, "name", None), getattr(node, "rest", None)):  # including names that `except` and `match` bind
                 if isinstance(name, str):
                     names[name] = ("value", line, "")
-            waiting += ast.iter_child_nodes(node)
+            nodes += ast.iter_child_nodes(node)
     return names

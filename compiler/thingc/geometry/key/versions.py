@@ -85,9 +85,9 @@ def _by_import_name(store: Store | None) -> dict[str, str]:
     The store caches the result, because the search is slow.
     """
     key = hashlib.sha256(repr(sorted(_installed_versions().items())).encode()).hexdigest()
-    kept = store.get_json("packages", key) if store is not None else None
-    if isinstance(kept, dict):
-        return kept
+    cached = store.get_json("packages", key) if store is not None else None
+    if isinstance(cached, dict):
+        return cached
     from importlib import metadata
 
     table = {

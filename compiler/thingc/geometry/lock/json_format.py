@@ -302,19 +302,19 @@ def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) 
 
     `code` is the file and the line of the part's class. Raises `BadLock` if the lock file contains an invalid value.
     """
-    held = read_value(value, LockedRecord, path)
-    _check_direction(held.up, f"{path}.up")
-    same = {key: one for key, one in asdict(held).items() if key != "asks"}
+    locked = read_value(value, LockedRecord, path)
+    _check_direction(locked.up, f"{path}.up")
+    unchanged = {key: one for key, one in asdict(locked).items() if key != "asks"}
     return PartRecord(**{
-        **same, "text": text, "code": code, "inertia": _rows(held.inertia),
-        "box": held.box and (held.box[:3], held.box[3:]),
-        "mounts": {name: mount.record(f"{path}.mounts.{name}") for name, mount in held.mounts.items()},
-        "actuator": held.actuator and ActuatorRecord(**asdict(held.actuator)),
-        "matrix": held.matrix and replace(held.matrix, value=_rows(held.matrix.value)),
-        "slices": dict(_read_slice(one, f"{path}.slices") for one in held.slices),
+        **unchanged, "text": text, "code": code, "inertia": _rows(locked.inertia),
+        "box": locked.box and (locked.box[:3], locked.box[3:]),
+        "mounts": {name: mount.record(f"{path}.mounts.{name}") for name, mount in locked.mounts.items()},
+        "actuator": locked.actuator and ActuatorRecord(**asdict(locked.actuator)),
+        "matrix": locked.matrix and replace(locked.matrix, value=_rows(locked.matrix.value)),
+        "slices": dict(_read_slice(one, f"{path}.slices") for one in locked.slices),
         "warnings": (
-            *(PartWarning(message=message) for message in held.warnings),
-            *(PartWarning(message=message, asked=asked) for asked, message in held.asks),
+            *(PartWarning(message=message) for message in locked.warnings),
+            *(PartWarning(message=message, asked=asked) for asked, message in locked.asks),
         ),
     })
 

@@ -86,8 +86,8 @@ class Lock(FrozenStruct):
         """
         text = definition.text
         if definition.kind == "file":
-            held = self.files.get(text)
-            return None if held is None else read_record(text, held.record, f"files.{text}.record", None)
+            file = self.files.get(text)
+            return None if file is None else read_record(text, file.record, f"files.{text}.record", None)
         thing = self.things.get(definition.reference)
         if thing is None or text not in thing.records:
             return None
@@ -194,8 +194,8 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return table
 
 
-def _refuse(word: str) -> NoReturn:
-    raise BadLock("", f"`{word}` is not a number")
+def _refuse(constant: str) -> NoReturn:
+    raise BadLock("", f"`{constant}` is not a number")
 
 
 def _finite(digits: str) -> float:

@@ -116,8 +116,8 @@ class LockAnswers:
         Return None if the lock file is out of date or does not contain the record.
         """
         if definition.kind == "file":
-            held = self.lock.files.get(definition.text)
-            if held is None or self.state(definition.reference, "file:") != held.content:
+            file = self.lock.files.get(definition.text)
+            if file is None or self.state(definition.reference, "file:") != file.content:
                 return None
         elif not self.current(definition.reference):
             return None
@@ -133,10 +133,10 @@ class LockAnswers:
         schema = self._try_read(self.lock.schema, definition.reference)
         if schema is None:
             return None
-        given = dict(definition.parameters)
-        sizes = all(one.kind in CONTINUOUS or given.get(one.name) == one.default for one in schema.parameters)
+        values = dict(definition.parameters)
+        same_mounts = all(one.kind in CONTINUOUS or values.get(one.name) == one.default for one in schema.parameters)
         place = self.place(definition.reference)
-        relatives: list[PartRecord] | None = self._try_read(list, self.lock.relatives(definition.reference, place)) if sizes else []
+        relatives: list[PartRecord] | None = self._try_read(list, self.lock.relatives(definition.reference, place)) if same_mounts else []
         if relatives is None:
             return None
         return PartRecord(

@@ -29,9 +29,9 @@ def mesh_record(file: MeshFile, store: Store, read: bool = True) -> MeshRecord |
     If `read` is False and the store does not contain the record, return None. Raises `BadMesh` if the file is not a valid mesh.
     """
     key = json.dumps([VERSION, *file.content])
-    known = store.get_json(KIND, key)
-    if known is not None and all(store.has(sha256, size) for sha256, size in known["blobs"]):
-        return convert(known, MeshRecord)
+    cached = store.get_json(KIND, key)
+    if cached is not None and all(store.has(sha256, size) for sha256, size in cached["blobs"]):
+        return convert(cached, MeshRecord)
     if not read:
         return None
     from thingc.geometry.meshes.mesh_reader import read_mesh
@@ -42,14 +42,14 @@ def mesh_record(file: MeshFile, store: Store, read: bool = True) -> MeshRecord |
     return record
 
 
-def mesh_records(listed: Mapping[MeshFile, tuple[Origin, bool]], store: Store, report: Report, memo: Memo) -> dict[MeshFile, MeshRecord]:
+def mesh_records(files: Mapping[MeshFile, tuple[Origin, bool]], store: Store, report: Report, memo: Memo) -> dict[MeshFile, MeshRecord]:
     """Return the records of mesh files.
 
-    `listed` maps each file to its location in the document and to a flag. If the flag is False and the record is not cached, the file is
+    `files` maps each file to its location in the document and to a flag. If the flag is False and the record is not cached, the file is
     not read and has no record in the result. If a file is not a mesh, report an error at its location.
     """
     records: dict[MeshFile, MeshRecord] = {}
-    for file, (origin, read) in listed.items():
+    for file, (origin, read) in files.items():
         try:
             record = memo(("mesh record", file.path, file.scale, read), mesh_record, file, store, read)
         except BadMesh as fault:

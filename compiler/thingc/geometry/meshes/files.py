@@ -58,10 +58,10 @@ def mesh_file(absolute: str, path: str, scale: Vector, digest: Callable[[str], s
     cannot be read.
     """
     folder = os.path.dirname(absolute)
-    beside = [(name, os.path.join(folder, name)) for name in libraries(absolute)]
+    color_files = [(name, os.path.join(folder, name)) for name in libraries(absolute)]
     return MeshFile(
         path=path, sha256=digest(absolute), scale=scale, folder=folder,
-        beside=tuple((name, digest(place)) for name, place in beside if os.path.isfile(place)),
+        beside=tuple((name, digest(place)) for name, place in color_files if os.path.isfile(place)),
     )
 
 

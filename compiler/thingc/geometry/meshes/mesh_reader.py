@@ -76,7 +76,7 @@ def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
         raise BadMesh("has a coordinate that is not finite")
     if float(np.abs(corners).max()) > FARTHEST:
         raise BadMesh(f"reaches {float(np.abs(corners).max()):.3g} m, but at most {FARTHEST:g} m is supported")
-    mesh, matter, turned = _store_mesh(corners, store)
+    mesh, matter, flipped = _store_mesh(corners, store)
     by_color: dict[str | None, list[Any]] = {}
     for color, some in colored:
         by_color.setdefault(color, []).append(some)
@@ -85,15 +85,15 @@ def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
         for color, some in sorted(by_color.items(), key=lambda entry: entry[0] or "")
     )
     low, high = (tuple(float(x) for x in side) for side in (corners.reshape(-1, 3).min(axis=0), corners.reshape(-1, 3).max(axis=0)))
-    own = (store.put(data), len(data)) if len(pieces) == 1 and not turned and _for_mujoco(file, data, count) else None
-    return MeshRecord(mesh=mesh, pieces=pieces, matter=matter, box=(low, high), own=own)  # type: ignore[arg-type]
+    original = (store.put(data), len(data)) if len(pieces) == 1 and not flipped and _for_mujoco(file, data, count) else None
+    return MeshRecord(mesh=mesh, pieces=pieces, matter=matter, box=(low, high), own=original)  # type: ignore[arg-type]
 
 
-def _in_order(several: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _in_order(geometries: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Return the triangles of several geometries as one array, sorted by coordinates, because trimesh's order is not specified."""
-    if len(several) == 1:
-        return several[0]
-    together = np.concatenate(several)
+    if len(geometries) == 1:
+        return geometries[0]
+    together = np.concatenate(geometries)
     order: NDArray[np.int64] = np.lexsort(together.reshape(len(together), 9).T[::-1])
     return together[order]
 
@@ -110,9 +110,9 @@ def _triangles(file: MeshFile, data: bytes) -> Iterator[tuple[str | None, NDArra
                 continue
             refuse_beyond(count := count + len(geometry.faces))
             corners = np.asarray(geometry.triangles, dtype=np.float64)
-            turned = np.linalg.det(transform[:3, :3]) < 0.0
+            mirrored = np.linalg.det(transform[:3, :3]) < 0.0
             moved = corners @ transform[:3, :3].T + transform[:3, 3]
-            yield _color(geometry, file), moved[:, ::-1] if turned else moved
+            yield _color(geometry, file), moved[:, ::-1] if mirrored else moved
     except MemoryError:
         raise BadMesh("needs more memory than is available") from None
     except BadMesh:
@@ -209,21 +209,21 @@ def _store_mesh(corners: NDArray[np.float64], store: Store) -> tuple[Mesh, MassP
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
     if len(faces) == 0:
         raise BadMesh("contains no triangle with an area")
-    closed, matter, turned = _is_closed(faces, len(vertices)), None, False
+    closed, matter, flipped = _is_closed(faces, len(vertices)), None, False
     flat = _is_flat(vertices)
     if closed and not flat:
-        whole: Any = trimesh.triangles.mass_properties(vertices[faces], density=1.0, skip_inertia=False)
-        turned = bool(whole.volume < 0.0)
-        if turned:
+        properties: Any = trimesh.triangles.mass_properties(vertices[faces], density=1.0, skip_inertia=False)
+        flipped = bool(properties.volume < 0.0)
+        if flipped:
             faces = faces[:, ::-1]
-            whole = trimesh.triangles.mass_properties(vertices[faces], density=1.0, skip_inertia=False)
-        inertia = tuple(tuple(float(x) for x in row) for row in whole.inertia)
-        x, y, z = (float(one) for one in whole.center_mass)
-        matter = MassProperties(mass=float(whole.volume), centre=(x, y, z), inertia=symmetric(inertia))  # type: ignore[arg-type]
+            properties = trimesh.triangles.mass_properties(vertices[faces], density=1.0, skip_inertia=False)
+        inertia = tuple(tuple(float(x) for x in row) for row in properties.inertia)
+        x, y, z = (float(one) for one in properties.center_mass)
+        matter = MassProperties(mass=float(properties.volume), centre=(x, y, z), inertia=symmetric(inertia))  # type: ignore[arg-type]
     text = ("v %.9g %.9g %.9g\n" * len(vertices)) % tuple(vertices.ravel()) + ("f %d %d %d\n" * len(faces)) % tuple((faces + 1).ravel())
     data = text.encode()
-    kept = Mesh(sha256=store.put(data), size=len(data), vertices=len(vertices), faces=len(faces), closed=closed, flat=flat)
-    return kept, matter, turned
+    mesh = Mesh(sha256=store.put(data), size=len(data), vertices=len(vertices), faces=len(faces), closed=closed, flat=flat)
+    return mesh, matter, flipped
 
 
 def _equal_rows(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

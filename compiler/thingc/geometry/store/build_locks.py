@@ -26,7 +26,7 @@ class BuildLocks:
     def __init__(self, store: Store) -> None:
         self._path = os.path.join(store.root, FILE)
         self._descriptor: int | None = None
-        self._idle = fcntl is None
+        self._disabled = fcntl is None
 
     def take(self, key: str) -> bool:
         """Lock the build key of a part (hexadecimal). Return False if another process has locked the key, and True if locks do not work."""
@@ -38,7 +38,7 @@ class BuildLocks:
         except (BlockingIOError, PermissionError):
             return False
         except OSError:
-            self._idle = True
+            self._disabled = True
         return True
 
     def wait(self, key: str, limit: float) -> bool:
@@ -67,13 +67,13 @@ class BuildLocks:
             os.close(descriptor)
 
     def _file(self) -> int | None:
-        if self._descriptor is None and not self._idle:
+        if self._descriptor is None and not self._disabled:
             try:
                 os.makedirs(os.path.dirname(self._path), exist_ok=True)
                 self._descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o666)
             except OSError:  # the store is missing or read-only, so results cannot be stored either
-                self._idle = True
-        return None if self._idle else self._descriptor
+                self._disabled = True
+        return None if self._disabled else self._descriptor
 
 
 def _lock_offset(key: str) -> int:

@@ -46,9 +46,9 @@ def _digest(stream: BufferedReader, before: FileSignature, store: Store, path: s
     A new digest is stored unless the file has changed very recently.
     """
     key = os.path.abspath(path)
-    kept = store.get_json("digest", key)
-    if isinstance(kept, list) and kept[:-1] == [*before]:
-        return str(kept[-1])
+    cached = store.get_json("digest", key)
+    if isinstance(cached, list) and cached[:-1] == [*before]:
+        return str(cached[-1])
     digest = _digest_stream(stream)
     if _signature(stream.fileno()) == before and time.time_ns() - max(before[1:3]) > SETTLED:
         store.note_json("digest", key, [*before, digest])

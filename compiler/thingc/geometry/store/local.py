@@ -52,8 +52,8 @@ def default_root() -> str:
     """Return the default folder of the store: the value of the environment variable `THINGC_STORE`, or the folder that `cache_root()`
     returns.
     """
-    stated = os.environ.get("THINGC_STORE")
-    return os.path.abspath(stated) if stated and "://" not in stated else cache_root()
+    configured = os.environ.get("THINGC_STORE")
+    return os.path.abspath(configured) if configured and "://" not in configured else cache_root()
 
 
 def cache_root() -> str:
@@ -177,21 +177,21 @@ class Store:
         return os.path.join(self.root, kind, name[:2], name[2:])
 
     def _write(self, path: str, data: bytes, *, seal: bool = False) -> None:
-        aside = f"{path}.{os.getpid()}-{os.urandom(6).hex()}"
+        temporary = f"{path}.{os.getpid()}-{os.urandom(6).hex()}"
         try:
             try:
-                descriptor = os.open(aside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o644)
+                descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o644)
             except FileNotFoundError:
                 os.makedirs(os.path.dirname(path), exist_ok=True)
-                descriptor = os.open(aside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o644)
+                descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o644)
             with open(descriptor, "wb") as stream:
                 stream.write(data)
             if seal:
-                os.utime(aside, (SEALED, SEALED))
-            os.replace(aside, path)
+                os.utime(temporary, (SEALED, SEALED))
+            os.replace(temporary, path)
         except OSError as fault:
             with contextlib.suppress(OSError):
-                os.unlink(aside)
+                os.unlink(temporary)
             if seal and os.path.exists(path):  # Windows does not replace a file that another process is reading
                 return
             raise StoreUnusable(self.root, fault.strerror or str(fault)) from None
@@ -261,11 +261,11 @@ class Outbox(Store):
             return
         with open(descriptor, "rb") as stream:
             status = os.fstat(descriptor)
-            left = status.st_size if stat.S_ISREG(status.st_mode) else 0
-            while left > _LENGTH:
+            remaining = status.st_size if stat.S_ISREG(status.st_mode) else 0
+            while remaining > _LENGTH:
                 size = int.from_bytes(stream.read(_LENGTH), "little")
-                left -= _LENGTH + size
-                if left >= 0:
+                remaining -= _LENGTH + size
+                if remaining >= 0:
                     super().put(stream.read(size))
         self._discard(self._path)
 

@@ -29,7 +29,7 @@ SHARED = frozenset(("record", "schema", CONVEX, "slices", "step"))
 computing them.
 """
 
-WHOLE = frozenset(("s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "oss", "memory"))
+ATOMIC = frozenset(("s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "oss", "memory"))
 """Protocols with atomic uploads. For other protocols, a file is written under a temporary name and renamed."""
 
 _SHA256 = re.compile(r"[0-9a-f]{64}")
@@ -41,8 +41,8 @@ def open_store(name: str | None) -> Store:
 
     Raises `StoreUnusable` if the URL cannot be used.
     """
-    stated = name or os.environ.get("THINGC_STORE", "")
-    return SharedStore(stated) if "://" in stated else Store(name)
+    place = name or os.environ.get("THINGC_STORE", "")
+    return SharedStore(place) if "://" in place else Store(name)
 
 
 class SharedStore(Store):
@@ -52,7 +52,7 @@ class SharedStore(Store):
     be rebuilt without a message.
     """
 
-    __slots__ = ("_base", "_damaged", "_made", "_sent", "_system", "url")
+    __slots__ = ("_base", "_damaged", "_made_folders", "_sent", "_system", "url")
 
     def __init__(self, url: str, root: str | None = None) -> None:
         self.url = re.sub(r"://[^/@]*@", "://", url)  # remove the password from the URL in messages
@@ -61,12 +61,12 @@ class SharedStore(Store):
             import fsspec
         except ImportError:
             raise StoreUnusable(self.url, "the package `fsspec` is not installed: pip install 'thingc[cluster]'") from None
-        with self._words():
+        with self._converting_errors():
             self._system, self._base = fsspec.core.url_to_fs(url, use_listings_cache=False)
         self._base = self._base.rstrip("/")
         self._sent: set[str] = set()
         self._damaged: set[str] = set()
-        self._made: set[str] = set()
+        self._made_folders: set[str] = set()
 
     # --- reading ---------------------------------------------------------------------------------------------------
 
@@ -107,7 +107,7 @@ class SharedStore(Store):
         return True
 
     def _fetch(self, path: str) -> bytes | None:
-        with self._words():
+        with self._converting_errors():
             try:
                 data: bytes = self._system.cat_file(self._url_of(path))
             except FileNotFoundError:
@@ -135,51 +135,51 @@ class SharedStore(Store):
     def check(self) -> None:
         """Raise `StoreUnusable` if the folder or the URL is not writable."""
         super().check()
-        with self._words():
-            self._make(self._base)
+        with self._converting_errors():
+            self._make_folder(self._base)
 
     def _send_blob(self, sha256: str) -> None:
         data = super().read(sha256)
         path = self.path(sha256)
-        with self._words():
+        with self._converting_errors():
             try:
-                known = self._system.info(self._url_of(path)).get("size")
+                size = self._system.info(self._url_of(path)).get("size")
             except FileNotFoundError:
-                known = None
-        if known != len(data) or sha256 in self._damaged:
+                size = None
+        if size != len(data) or sha256 in self._damaged:
             self._send(path, data)
         self._sent.add(sha256)
 
     def _send(self, path: str, data: bytes) -> None:
-        there = self._url_of(path)
-        folder = there.rpartition("/")[0]
-        with self._words():
-            self._make(folder)
-            if self._protocols() & WHOLE:
-                self._system.pipe_file(there, data)
+        target = self._url_of(path)
+        folder = target.rpartition("/")[0]
+        with self._converting_errors():
+            self._make_folder(folder)
+            if self._protocols() & ATOMIC:
+                self._system.pipe_file(target, data)
                 return
-            aside = f"{there}.{os.getpid()}-{os.urandom(6).hex()}"
-            self._system.pipe_file(aside, data)
+            temporary = f"{target}.{os.getpid()}-{os.urandom(6).hex()}"
+            self._system.pipe_file(temporary, data)
             try:
-                self._system.mv(aside, there)
+                self._system.mv(temporary, target)
             except Exception:  # some servers do not replace an existing file
-                if not self._system.exists(there):
+                if not self._system.exists(target):
                     raise
-                self._system.rm_file(there)
-                self._system.mv(aside, there)
+                self._system.rm_file(target)
+                self._system.mv(temporary, target)
 
-    def _make(self, folder: str) -> None:
+    def _make_folder(self, folder: str) -> None:
         """Create a folder and its parents one by one, because another process may create the same folders at the same time."""
-        if not folder or folder in self._made:
+        if not folder or folder in self._made_folders:
             return
         if not self._system.isdir(folder):
-            self._make(folder.rpartition("/")[0])
+            self._make_folder(folder.rpartition("/")[0])
             try:
                 self._system.makedirs(folder, exist_ok=True)
             except Exception:
                 if not self._system.isdir(folder):
                     raise
-        self._made.add(folder)
+        self._made_folders.add(folder)
 
     def _protocols(self) -> set[str]:
         named = self._system.protocol
@@ -190,7 +190,7 @@ class SharedStore(Store):
         return f"{self._base}/{os.path.relpath(path, self.root).replace(os.sep, '/')}"
 
     @contextlib.contextmanager
-    def _words(self) -> Iterator[None]:
+    def _converting_errors(self) -> Iterator[None]:
         """Return a context manager that converts exceptions of protocol libraries to `StoreUnusable`."""
         try:
             yield

@@ -25,8 +25,8 @@ def adjust_thing(thing: Thing, changes: Mapping[str, object]) -> Thing:
     """
     cls, construction = type(thing), thing._construction
     signature = family_signature(cls)
-    own: dict[str, Value] = dict(construction.parameters)
-    pinned: list[tuple[type, Parameter, Change]] = []
+    parameters: dict[str, Value] = dict(construction.parameters)
+    parent_changes: list[tuple[type, Parameter, Change]] = []
     changed: set[str] = set()
     for key, value in changes.items():
         family, parameter, operation = _target(thing, signature, key)
@@ -35,14 +35,14 @@ def adjust_thing(thing: Thing, changes: Mapping[str, object]) -> Thing:
             raise CallError(message, owner=cls.__name__, parameter=parameter.name)
         changed.add(parameter.name)
         if family is cls:
-            own[parameter.name] = _apply_change(parameter, (operation, value), own[parameter.name], cls.__name__)
+            parameters[parameter.name] = _apply_change(parameter, (operation, value), parameters[parameter.name], cls.__name__)
         else:
-            pinned.append((family, parameter, (operation, value)))
+            parent_changes.append((family, parameter, (operation, value)))
     adjustments = {family: dict(values) for family, values in construction.adjustments.items()}
-    if not pinned:
-        return make(cls, own, adjustments)
-    base = thing if own == construction.parameters else make(cls, own, adjustments)
-    for family, parameter, change in pinned:
+    if not parent_changes:
+        return make(cls, parameters, adjustments)
+    base = thing if parameters == construction.parameters else make(cls, parameters, adjustments)
+    for family, parameter, change in parent_changes:
         call = next((call for call in _parents(base) if call.family is family), None)
         if call is None:
             message = f"`{cls.__name__}` with these parameters does not call the `__init__` that accepts `{parameter.name}`"
@@ -53,7 +53,7 @@ def adjust_thing(thing: Thing, changes: Mapping[str, object]) -> Thing:
             values.pop(parameter.name, None)
         else:
             values[parameter.name] = value
-    return make(cls, own, {family: values for family, values in adjustments.items() if values})
+    return make(cls, parameters, {family: values for family, values in adjustments.items() if values})
 
 
 def _target(thing: Thing, signature: Signature, key: str) -> tuple[type, Parameter, str]:

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 Adjustments: TypeAlias = "Mapping[type[Any], Mapping[str, Value]]"
 """For each ancestor class, the parameters that `adjust` changed although a subclass sets them."""
 
-_made: dict[tuple[object, ...], Thing] = {}
-_making: set[tuple[object, ...]] = set()
+_things: dict[tuple[object, ...], Thing] = {}
+_under_construction: set[tuple[object, ...]] = set()
 _files: list[str] = []
 """The source files of the `__init__` methods that are running, the innermost last."""
 
@@ -129,18 +129,18 @@ def make(cls: type[Any], parameters: dict[str, Value], adjustments: Adjustments)
     If `__init__` raises an exception, the function raises the same exception and does not cache a Thing. A Thing depends only on its
     parameters. Therefore, geometry that `__init__` creates is not added to a build123d builder that is active during the call.
     """
-    pinned = tuple((family, name, value) for family in cls.__mro__ for name, value in sorted(adjustments.get(family, {}).items()))
-    key = (cls, tuple((name, type(value), value) for name, value in parameters.items()), pinned)
-    if key in _made:
-        return _made[key]
-    if key in _making:
+    adjusted = tuple((family, name, value) for family in cls.__mro__ for name, value in sorted(adjustments.get(family, {}).items()))
+    key = (cls, tuple((name, type(value), value) for name, value in parameters.items()), adjusted)
+    if key in _things:
+        return _things[key]
+    if key in _under_construction:
         raise RecursionError(f"`{format_thing(cls, parameters)}` depends on itself")
-    _making.add(key)
+    _under_construction.add(key)
     try:
         thing = _construct(cls, parameters, adjustments)
     finally:
-        _making.discard(key)
-    _made[key] = thing
+        _under_construction.discard(key)
+    _things[key] = thing
     return thing
 
 

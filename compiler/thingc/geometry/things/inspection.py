@@ -274,16 +274,16 @@ def up_of(thing: Thing) -> Vector | None:
 
     Raises `TypeError` or `ValueError` if the attribute `print` is invalid.
     """
-    stated = thing.print
-    if not stated:
+    settings = thing.print
+    if not settings:
         return None
     what = f"`print` of `{type(thing).__name__}`"
-    if not isinstance(stated, Mapping) or set(stated) != {"up"}:
-        raise TypeError(f"{what} must have one key, `up`: write, for example, {{\"up\": (0, 0, 1)}}; found {stated!r}")
-    up = _vector(what, stated["up"])
+    if not isinstance(settings, Mapping) or set(settings) != {"up"}:
+        raise TypeError(f"{what} must have one key, `up`: write, for example, {{\"up\": (0, 0, 1)}}; found {settings!r}")
+    up = _vector(what, settings["up"])
     length = math.hypot(*up)
     if not length > 0.0:
-        raise ValueError(f"`up` in {what} must not be zero, found {stated['up']!r}")
+        raise ValueError(f"`up` in {what} must not be zero, found {settings['up']!r}")
     return up[0] / length + 0.0, up[1] / length + 0.0, up[2] / length + 0.0
 
 

@@ -58,7 +58,7 @@ class MountPoint(Framed):
         if tolerance is not None and not 0 <= tolerance < float("inf"):
             raise ValueError(f"the tolerance of a MountPoint must be at least 0 mm and finite, found {tolerance!r}")
         if facing is not None or mate_x is not None:
-            location = _direct(location, facing, mate_x)
+            location = _rotate_to(location, facing, mate_x)
         self._local = Location(location.wrapped)
         self._view = Location()
         self._declared = interface
@@ -121,8 +121,8 @@ class MountPoint(Framed):
             raise ValueError("align() expects a mount of another Thing, such as `PenCap().seat`; this mount does not belong to a Thing")
         if not thing._construction.finished:
             raise ValueError(f"align() expects a mount of another Thing; `{name}` belongs to the Thing under construction")
-        being_made = self._owner is None or not self._owner._construction.finished
-        if being_made and (thing, name) not in self._expected:
+        under_construction = self._owner is None or not self._owner._construction.finished
+        if under_construction and (thing, name) not in self._expected:
             self._expected.append((thing, name))
         return TransformResolver(thing, self.location * MATE * other._local.inverse())
 
@@ -141,27 +141,27 @@ class MountPoint(Framed):
 
 def _split_interface(interface: Interface) -> tuple[str | None, tuple[MatingFeature, ...]]:
     """Split an interface into its name and its mating features. Raises `ValueError` if it is invalid."""
-    listed = list(interface) if isinstance(interface, (list, tuple)) else [] if interface is None else [interface]
-    names = [one for one in listed if isinstance(one, str)]
+    items = list(interface) if isinstance(interface, (list, tuple)) else [] if interface is None else [interface]
+    names = [one for one in items if isinstance(one, str)]
     try:
-        features = convert([to_builtins(one) for one in listed if one not in names[:1]], tuple[MatingFeature, ...])
+        features = convert([to_builtins(one) for one in items if one not in names[:1]], tuple[MatingFeature, ...])
         for one in features:
             one.in_units(lambda mm: mm / 1e3, float).check_lengths()  # the distances of holes do not depend on the unit of angles
     except (TypeError, ValueError) as error:
-        wanted = "a string, a feature such as `Bolts(...)`, or a list of both"
-        raise ValueError(f"the interface of a MountPoint must be {wanted}, found {interface!r}: {error}") from None
+        expected = "a string, a feature such as `Bolts(...)`, or a list of both"
+        raise ValueError(f"the interface of a MountPoint must be {expected}, found {interface!r}: {error}") from None
     return next(iter(names), None), features
 
 
-def _direct(location: Location, facing: VectorLike | None, mate_x: VectorLike | None) -> Location:
+def _rotate_to(location: Location, facing: VectorLike | None, mate_x: VectorLike | None) -> Location:
     """Rotate `location` about its z axis. Afterwards, its x axis has the direction `facing`, or the x axis of a mated mount has the
     direction `mate_x`.
     """
-    z, wanted = Plane(location).z_dir, Vector(facing if facing is not None else mate_x)
-    along = wanted - z * wanted.dot(z)
+    z, direction = Plane(location).z_dir, Vector(facing if facing is not None else mate_x)
+    along = direction - z * direction.dot(z)
     if (facing is not None and mate_x is not None) or along.length < 1e-6:
-        needed = "one of `facing` and `mate_x`, a direction perpendicular to its z axis"
-        raise ValueError(f"a MountPoint needs {needed}; found {facing!r} and {mate_x!r}")
+        expected = "one of `facing` and `mate_x`, a direction perpendicular to its z axis"
+        raise ValueError(f"a MountPoint needs {expected}; found {facing!r} and {mate_x!r}")
     return Location(Plane(location.position, x_dir=along if facing is not None else z.cross(along), z_dir=z))
 
 
@@ -217,10 +217,10 @@ def _map_mounts(name: str, value: Any, change: Callable[[str, MountPoint], Mount
 
 
 def _own(thing: Thing, name: str, mount: MountPoint) -> MountPoint:
-    plain = name.isascii() and name.isidentifier()
-    if not plain or name in RESERVED:
-        why = "the name is reserved" if plain else "use letters, digits and _"
-        raise ValueError(f"`{name}` of `{type(thing).__name__}` cannot be a mount: {why}")
+    valid = name.isascii() and name.isidentifier()
+    if not valid or name in RESERVED:
+        reason = "the name is reserved" if valid else "use letters, digits and _"
+        raise ValueError(f"`{name}` of `{type(thing).__name__}` cannot be a mount: {reason}")
     if mount._owner is None:
         mount._owner, mount._name = thing, name
     elif mount._owner is not thing:

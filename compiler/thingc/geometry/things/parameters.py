@@ -148,8 +148,8 @@ class Parameter:
         if self.kind in WHOLE:
             if isinstance(value, numbers.Integral):
                 return int(value)
-            whole = float(value)
-            return int(whole) if whole.is_integer() else None if math.isfinite(whole) else whole
+            number = float(value)
+            return int(number) if number.is_integer() else None if math.isfinite(number) else number
         try:
             return float(value) + 0.0
         except OverflowError:
@@ -166,11 +166,11 @@ def suggestion(name: str, candidates: Iterable[str]) -> str:
 
     If no candidate is similar to the name, the text lists all candidates. Return an empty string if there are no candidates.
     """
-    known = list(candidates)
-    close = difflib.get_close_matches(name, known, n=1)
-    if close:
-        return f"; did you mean `{close[0]}`?"
-    return f"; there are {', '.join(f'`{candidate}`' for candidate in known)}" if known else ""
+    names = list(candidates)
+    closest = difflib.get_close_matches(name, names, n=1)
+    if closest:
+        return f"; did you mean `{closest[0]}`?"
+    return f"; there are {', '.join(f'`{candidate}`' for candidate in names)}" if names else ""
 
 
 def _same(choice: Value, value: object) -> bool:

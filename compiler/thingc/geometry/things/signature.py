@@ -16,7 +16,7 @@ from thingc.geometry.things.parameters import CallError, Kind, Parameter, Parame
 
 _GOOGLE = re.compile(r"\*{0,2}(\w+)\s*(?:\([^)]*\))?\s*:\s*(.*)$")
 _NUMPY = re.compile(r"\*{0,2}(\w+)\s*(?::.*)?$")
-_REST = re.compile(r":param\s+(?:[^:]*\s)?(\w+)\s*:\s*(.*)$")
+_REST_FIELD = re.compile(r":param\s+(?:[^:]*\s)?(\w+)\s*:\s*(.*)$")
 
 
 def argument_docs(docstring: str | None) -> dict[str, str]:
@@ -32,9 +32,9 @@ def argument_docs(docstring: str | None) -> dict[str, str]:
         if line.strip() in ("Args:", "Arguments:", "Parameters:"):
             _parse_indented(lines[start + 1:], texts)
         elif line.strip() == "Parameters" and start + 1 < len(lines) and re.fullmatch(r"-{3,}", lines[start + 1].strip()):
-            _numpy(lines[start + 2:], texts)
-    _fields(lines, texts)
-    return {name: " ".join(" ".join(words).split()) for name, words in texts.items()}
+            _parse_numpy(lines[start + 2:], texts)
+    _parse_rest(lines, texts)
+    return {name: " ".join(" ".join(parts).split()) for name, parts in texts.items()}
 
 
 def _parse_indented(lines: list[str], texts: dict[str, list[str]]) -> None:
@@ -60,7 +60,7 @@ def _parse_indented(lines: list[str], texts: dict[str, list[str]]) -> None:
             entry.append(line.strip())
 
 
-def _numpy(lines: list[str], texts: dict[str, list[str]]) -> None:
+def _parse_numpy(lines: list[str], texts: dict[str, list[str]]) -> None:
     """Parse a parameter section in numpy style. The names are not indented, and the descriptions are indented. The section ends at the next
     underlined heading.
     """
@@ -79,11 +79,11 @@ def _numpy(lines: list[str], texts: dict[str, list[str]]) -> None:
         entries = [texts.setdefault(name.strip().lstrip("*"), []) for name in names.split(",") if _NUMPY.match(name.strip())]
 
 
-def _fields(lines: list[str], texts: dict[str, list[str]]) -> None:
+def _parse_rest(lines: list[str], texts: dict[str, list[str]]) -> None:
     """Parse reST fields such as `:param x: text`. Continuation lines are indented."""
     entry: list[str] | None = None
     for line in lines:
-        match = _REST.match(line.strip())
+        match = _REST_FIELD.match(line.strip())
         if match:
             entry = texts.setdefault(match.group(1), [])
             entry.append(match.group(2))
@@ -149,7 +149,7 @@ class Signature:
         return CallError(message, owner=self.owner, parameter=name)
 
 
-_look: Callable[[Callable[..., Any]], None] | None = None
+_on_read: Callable[[Callable[..., Any]], None] | None = None
 
 
 def install(look: Callable[[Callable[..., Any]], None]) -> None:
@@ -157,8 +157,8 @@ def install(look: Callable[[Callable[..., Any]], None]) -> None:
 
     The geometry worker calls `install` before it loads part modules.
     """
-    global _look
-    _look = look
+    global _on_read
+    _on_read = look
 
 
 def signature_of(function: Callable[..., Any], owner: str, *, method: bool, strict: bool, docs: Sequence[str | None] = ()) -> Signature:
@@ -169,8 +169,8 @@ def signature_of(function: Callable[..., Any], owner: str, *, method: bool, stri
     `docs` contains docstrings that may describe the arguments. If several docstrings describe the same argument, the last docstring takes
     precedence.
     """
-    if _look is not None:
-        _look(function)
+    if _on_read is not None:
+        _on_read(function)
     described: dict[str, str] = {}
     for docstring in docs:
         described |= argument_docs(docstring)
@@ -273,9 +273,9 @@ def _kind_of_annotation(annotation: Any, where: str, shown: str) -> tuple[str, f
     The bounds of nested `Annotated` types are combined.
     """
     annotation = getattr(annotation, "__value__", annotation)
-    marks: tuple[object, ...] = ()
+    markers: tuple[object, ...] = ()
     while typing.get_origin(annotation) is Annotated:
-        marks = (*annotation.__metadata__, *marks)
+        markers = (*annotation.__metadata__, *markers)
         annotation = annotation.__origin__
     origin = typing.get_origin(annotation)
     choices: tuple[Value, ...] = ()
@@ -293,10 +293,10 @@ def _kind_of_annotation(annotation: Any, where: str, shown: str) -> tuple[str, f
             f"{where} cannot be a parameter: its annotation is `{shown}`, not Length, Angle, Mass, Count, Ratio, float, int, "
             "bool, str or Literal[...]"
         )
-    for mark in marks:
+    for mark in markers:
         if isinstance(mark, Kind):
             kind = mark.kind
-    ranges = [mark for mark in marks if isinstance(mark, Range)]
+    ranges = [mark for mark in markers if isinstance(mark, Range)]
     if ranges and kind not in vocabulary.NUMERIC:
         raise SignatureError(f"{where} cannot have a Range: it is {vocabulary.NOUNS.get(kind, 'a choice')}")
     minimum = max((mark.minimum for mark in ranges if mark.minimum is not None), default=None)

@@ -23,7 +23,7 @@ WIDTH = 400
 """Maximum number of characters of a line that are shown."""
 
 
-class _Kept(io.RawIOBase):
+class _LimitedFile(io.RawIOBase):
     """A file object that stores the first `MOST` bytes of output in a file. The first write operation creates the file. Write errors are
     ignored.
     """
@@ -43,19 +43,19 @@ class _Kept(io.RawIOBase):
         return 2
 
     def write(self, data: Buffer, /) -> int:
-        given = bytes(data)
-        kept, self._room = given[: self._room], self._room - min(self._room, len(given))
+        output = bytes(data)
+        kept, self._room = output[: self._room], self._room - min(self._room, len(output))
         if kept:
             with contextlib.suppress(OSError), open(self._path, "ab") as stream:
                 stream.write(kept)
-        return len(given)
+        return len(output)
 
 
 @contextlib.contextmanager
 def keep(folder: str) -> Iterator[None]:
     """Store in `folder` the output of `print` and other Python code to standard output and standard error."""
-    kept = io.TextIOWrapper(_Kept(os.path.join(folder, NAME)), encoding="utf-8", errors="backslashreplace", write_through=True)  # type: ignore[type-var]
-    with contextlib.redirect_stdout(kept), contextlib.redirect_stderr(kept):
+    stream = io.TextIOWrapper(_LimitedFile(os.path.join(folder, NAME)), encoding="utf-8", errors="backslashreplace", write_through=True)  # type: ignore[type-var]
+    with contextlib.redirect_stdout(stream), contextlib.redirect_stderr(stream):
         yield
 
 

@@ -49,14 +49,14 @@ class Child:
     """A running child process of the worker.
 
     `request` is the request that was sent to the child. `request` is empty until a request is sent. `process` is the process id of the
-    child, which leads its own process group. `asking` is the pipe for the request. The pipe is closed, and `asking` is -1, after the
-    request was sent. `pipe` is the pipe for the answer. `errors` is the standard error of the child, and `scratch` is the folder of the
-    part. `status` is the wait status of the child, or None if the child has not ended.
+    child, which leads its own process group. `request_pipe` is the pipe for the request. The pipe is closed, and `request_pipe` is -1,
+    after the request was sent. `pipe` is the pipe for the answer. `errors` is the standard error of the child, and `scratch` is the folder
+    of the part. `status` is the wait status of the child, or None if the child has not ended.
     """
 
     request: Mapping[str, Any]
     process: int
-    asking: int
+    request_pipe: int
     pipe: int
     errors: Any
     scratch: str
@@ -71,13 +71,13 @@ class Child:
         line = json.dumps(request).encode()
         with contextlib.suppress(OSError):  # the child may have ended; another method detects this
             while line:
-                line = line[os.write(self.asking, line) :]
-        self._close_asking()
+                line = line[os.write(self.request_pipe, line) :]
+        self._close_request_pipe()
 
-    def _close_asking(self) -> None:
-        if self.asking >= 0:
-            os.close(self.asking)
-            self.asking = -1
+    def _close_request_pipe(self) -> None:
+        if self.request_pipe >= 0:
+            os.close(self.request_pipe)
+            self.request_pipe = -1
 
     def read(self) -> bool:
         """Read the data that has arrived in the pipe for the answer. Return False if the pipe is closed."""
@@ -119,48 +119,48 @@ class Child:
 
     def wait(self) -> dict[str, Any]:
         """Wait until the child answers or must be ended. After that, end the child, and return the same answer as `end`."""
-        over = None
-        while not self.answered and over is None:
+        reason = None
+        while not self.answered and reason is None:
             if not select.select([self.pipe], [], [], WATCH)[0]:
-                over = self.end_reason(time.monotonic())
+                reason = self.end_reason(time.monotonic())
             elif not self.read() or len(self.received) > ANSWER:
-                over = "crashed"
-        return self.end(over, ())
+                reason = "crashed"
+        return self.end(reason, ())
 
-    def end(self, over: str | None, others: Collection[int]) -> dict[str, Any]:
+    def end(self, reason: str | None, others: Collection[int]) -> dict[str, Any]:
         """End the child and all processes that it has started, except the processes `others`, which run in parallel.
 
         Return the answer for the client.
 
-        `over` is the reason for ending the child without an answer.
+        `reason` is the reason for ending the child without an answer.
         """
-        if not self.answered and over in (None, "crashed"):
+        if not self.answered and reason in (None, "crashed"):
             self._wait()
-        elif over in ("swarmed", "starved"):
+        elif reason in ("swarmed", "starved"):
             process_tree.stop(self.process)
             process_tree.end_descendants(self.process)
             self._kill(signal.SIGABRT)  # the signal makes the child write its traceback
             self._kill(signal.SIGCONT)
             self._wait()
-        left = self._end_processes(others)
-        self._close_asking()
+        outliving = self._end_processes(others)
+        self._close_request_pipe()
         os.close(self.pipe)
         try:
             if self.answered:
-                return {**self.answer, **({"left": left} if left else {})}
+                return {**self.answer, **({"left": outliving} if outliving else {})}
             self.errors.seek(0, os.SEEK_END)
             self.errors.seek(max(0, self.errors.tell() - KEPT))
             tail = self.errors.read().decode("utf-8", "replace")
         finally:
             self.errors.close()
         if self.status is not None and self.status >> 8 == OUT_OF_MEMORY:
-            over = "starved"
-        over = over or "crashed"
+            reason = "starved"
+        reason = reason or "crashed"
         reasons = {
             "hung": "", "swarmed": f"it had more than {PROCESSES} processes at once", "crashed": end_text(self.status),
             "starved": f"more than {self.request.get('memory', DEFAULT_MEMORY) / 1e9:.3g} GB",
         }
-        return {"id": self.request.get("id"), "failed": over, "words": reasons[over], "detail": tail}
+        return {"id": self.request.get("id"), "failed": reason, "words": reasons[reason], "detail": tail}
 
     def _end_processes(self, others: Collection[int]) -> list[str]:
         """Kill the child process and all processes that it started.
@@ -168,15 +168,16 @@ class Child:
         If the child sent an answer, return the command lines of the processes that were still running.
         """
         started = process_tree.alive(process_tree.descendants(self.process)) if self.answered else []
-        own, words = process_tree.command(self.process), {one: process_tree.command(one) for one in started}
+        own_command, commands = process_tree.command(self.process), {one: process_tree.command(one) for one in started}
         self._kill(signal.SIGKILL)
-        left = process_tree.outliving(started, FAREWELL)
+        outliving = process_tree.outliving(started, FAREWELL)
         kill_group(self.process)
         if self.status is None:
             with contextlib.suppress(ChildProcessError):
                 os.waitpid(self.process, 0)
         process_tree.end_all_but(others)
-        return ["" if words[one] == own else words[one] for one in left if not any(text in words[one] for text in HELPERS)]
+        lines = [commands[process] for process in outliving if not any(text in commands[process] for text in HELPERS)]
+        return ["" if line == own_command else line for line in lines]
 
     def _kill(self, number: signal.Signals) -> None:
         if self.status is None:  # otherwise, another process may already have the same id
@@ -233,17 +234,17 @@ def live_without_parent() -> None:
 
 
 def start(
-    run: Callable[[Mapping[str, Any]], dict[str, Any]], nice: int, scratch: str, close: Sequence[int],
+    run: Callable[[Mapping[str, Any]], dict[str, Any]], nice: int, scratch: str, unused_descriptors: Sequence[int],
     readable: Sequence[str] | None = None,
 ) -> Child:
     """Fork a new child process. The child waits for a request (see `Child.ask`), calls `run(request)`, and writes the answer as one line.
     After that, the child waits until the server ends it.
 
-    `scratch` is the only folder in which the child may change files. `nice` is the scheduling priority of the child. `close` contains the
-    file descriptors that the child closes, and `readable` is passed to `confine`.
+    `scratch` is the only folder in which the child may change files. `nice` is the scheduling priority of the child. The child closes the
+    file descriptors in `unused_descriptors`. `readable` is passed to `confine`.
     """
     reader, writer = os.pipe()
-    asked, asking = os.pipe()
+    request_reader, request_writer = os.pipe()
     errors = tempfile.TemporaryFile()  # noqa: SIM115 (it lives as long as the child)
     server = os.getpid()
     process = os.fork()
@@ -254,7 +255,7 @@ def start(
             if sys.platform != "linux":
                 _watch(server)
             die_with_parent(server)
-            for descriptor in (reader, asking, *close):
+            for descriptor in (reader, request_writer, *unused_descriptors):
                 os.close(descriptor)
             settle(scratch)
             process_tree.give_priority(nice)
@@ -263,7 +264,7 @@ def start(
             os.dup2(errors.fileno(), 1)
             os.dup2(errors.fileno(), 2)
             signal.signal(signal.SIGINT, signal.SIG_DFL)
-            answer = _answer(run, asked, errors.fileno(), scratch)
+            answer = _answer(run, request_reader, errors.fileno(), scratch)
             while answer:
                 answer = answer[os.write(writer, answer) :]
             status = 0
@@ -277,18 +278,19 @@ def start(
         finally:
             os._exit(status)
     os.close(writer)
-    os.close(asked)
+    os.close(request_reader)
     return Child(
-        request={}, process=process, asking=asking, pipe=reader, errors=errors, scratch=scratch, deadline=inf, received=bytearray(),
+        request={}, process=process, request_pipe=request_writer, pipe=reader, errors=errors, scratch=scratch, deadline=inf,
+        received=bytearray(),
     )
 
 
-def _answer(run: Callable[[Mapping[str, Any]], dict[str, Any]], asked: int, errors: int, scratch: str) -> bytes:
+def _answer(run: Callable[[Mapping[str, Any]], dict[str, Any]], reader: int, errors: int, scratch: str) -> bytes:
     """Wait for a request, run it, and return the line with the answer.
 
     If Python crashes or the time limit is almost reached, the traceback is written to `errors`.
     """
-    with open(asked, "rb") as stream:
+    with open(reader, "rb") as stream:
         request = json.loads(stream.read())
     timeout = float(request["timeout"])
     faulthandler.enable(file=errors, all_threads=False)

@@ -20,7 +20,7 @@ from thingc.geometry.things import signature
 
 _NAME = "__thingc_ran__"
 
-_noted: dict[tuple[str, int], bool] = {}
+_ran: dict[tuple[str, int], bool] = {}
 _marked: set[tuple[str, str]] = set()
 """Paths of the files whose functions have marks, each with the SHA-256 of its source."""
 
@@ -30,8 +30,8 @@ def install() -> None:
 
     Child processes inherit this variable.
     """
-    setattr(builtins, _NAME, _noted)
-    signature.install(_look_at)
+    setattr(builtins, _NAME, _ran)
+    signature.install(_note_inspected)
 
 
 def compile_marked(source: bytes, file: str, sha256: str) -> types.CodeType:
@@ -58,14 +58,14 @@ def _with_marks(source: bytes, file: str) -> ast.Module:
         place = function.body[min(int(documented), len(function.body) - 1)]
         mark: Any = (file, number)
         target = ast.Subscript(value=ast.Name(id=_NAME, ctx=ast.Load()), slice=ast.Constant(value=mark), ctx=ast.Store())
-        noting = ast.copy_location(ast.Assign(targets=[target], value=ast.Constant(value=True)), place)
-        function.body.insert(int(documented), ast.fix_missing_locations(noting))
+        assignment = ast.copy_location(ast.Assign(targets=[target], value=ast.Constant(value=True)), place)
+        function.body.insert(int(documented), ast.fix_missing_locations(assignment))
     return tree
 
 
 def begin() -> None:
     """Clear the record of functions that have run."""
-    _noted.clear()
+    _ran.clear()
 
 
 def of(files: Iterable[str], hashes: Mapping[str, str]) -> dict[str, list[int] | None]:
@@ -74,12 +74,12 @@ def of(files: Iterable[str], hashes: Mapping[str, str]) -> dict[str, list[int] |
 
     The value is None for a file that was compiled without marks.
     """
-    return {file: sorted(number for one, number in _noted if one == file) if (file, hashes[file]) in _marked else None for file in files}
+    return {file: sorted(number for one, number in _ran if one == file) if (file, hashes[file]) in _marked else None for file in files}
 
 
-def _look_at(function: Callable[..., Any]) -> None:
+def _note_inspected(function: Callable[..., Any]) -> None:
     """Record a function whose signature is inspected."""
     code = getattr(inspect.unwrap(function), "__code__", None)
     if isinstance(code, types.CodeType):
         marks = [one for one in code.co_consts if isinstance(one, tuple) and len(one) == 2 and one[0] == code.co_filename]
-        _noted.update(dict.fromkeys(marks, True))
+        _ran.update(dict.fromkeys(marks, True))

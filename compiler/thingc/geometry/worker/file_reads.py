@@ -81,8 +81,8 @@ class FileReadRecorder:
             return
         if not listed and any(folder.startswith(os.path.join(full, "")) for folder in self._around):
             return
-        held = self.states.get(full)
-        if held is not None and not (listed and held == "folder"):
+        known_state = self.states.get(full)
+        if known_state is not None and not (listed and known_state == "folder"):
             return
         self._busy = True  # do not record the lookups of this method
         try:

@@ -40,8 +40,8 @@ class ImpureInputRecorder:
     The function `own` returns whether a file contains code of the part's authors.
     """
 
-    def __init__(self, own: Callable[[str], bool]) -> None:
-        self._own = own
+    def __init__(self, is_own: Callable[[str], bool]) -> None:
+        self._own = is_own
         self._skipped = (*installed_roots(), os.path.join(OWN_FOLDER, ""), "<")
         self._found: dict[PartWarning, None] = {}
         self.seeded: set[str] = set()
@@ -87,7 +87,7 @@ class ImpureInputRecorder:
 _current: ImpureInputRecorder | None = None
 
 
-def _ask(what: ImpureInputs, message: str) -> bool:
+def _note_use(what: ImpureInputs, message: str) -> bool:
     return _current is not None and _current.note(what, message, sys._getframe(2))
 
 
@@ -101,7 +101,7 @@ def install() -> None:
     _wrap_clock()
     _wrap_chance()
     sys.meta_path.insert(0, _NumpysRandom())
-    audit.listen((*_PROCESSES, *_CONNECTIONS), _heard)
+    audit.listen((*_PROCESSES, *_CONNECTIONS), _handle_event)
 
 
 # --- processes and connections ----------------------------------------------------------------------------------------
@@ -128,16 +128,16 @@ _CONNECTIONS: dict[str, Callable[..., Any]] = {
 """Functions that return the network host from the arguments of an audit event."""
 
 
-def _heard(event: str, arguments: tuple[Any, ...]) -> None:
+def _handle_event(event: str, arguments: tuple[Any, ...]) -> None:
     if _current is None:
         return
     if event in _PROCESSES:
         program = _PROCESSES[event](*arguments)
         named = "a process" if program is None else f"`{_name_text(program)}`"
-        _ask(ImpureInputs.PROCESS, f"starts {named}; thingc does not rebuild the part if the output changes")
+        _note_use(ImpureInputs.PROCESS, f"starts {named}; thingc does not rebuild the part if the output changes")
     else:
-        asked = _name_text(_CONNECTIONS[event](*arguments))
-        _ask(ImpureInputs.NETWORK, f"accesses `{asked}` over the network; thingc does not rebuild the part if the response changes")
+        host = _name_text(_CONNECTIONS[event](*arguments))
+        _note_use(ImpureInputs.NETWORK, f"accesses `{host}` over the network; thingc does not rebuild the part if the response changes")
 
 
 def _name_text(name: Any) -> str:
@@ -158,7 +158,7 @@ def _wrap_environment() -> None:
             return original(self, key)
         except KeyError as fault:  # existing variables have fixed values, or the part itself set them
             name = _name_text(key)
-            if _ask(ImpureInputs.ENVIRONMENT, f"reads the environment variable `{name}`, which is not available to parts"):
+            if _note_use(ImpureInputs.ENVIRONMENT, f"reads the environment variable `{name}`, which is not available to parts"):
                 fault.add_note(f"parts run in a fixed environment, which does not contain `{name}`")
             raise
 
@@ -168,7 +168,7 @@ def _wrap_environment() -> None:
 # --- the clock --------------------------------------------------------------------------------------------------------
 
 _CLOCK = "reads the clock; the first result stays cached"
-_OF_DATES = frozenset({"now", "today", "utcnow"})
+_DATE_METHODS = frozenset({"now", "today", "utcnow"})
 _CLOCKS = {
     "time": 0, "time_ns": 0, "monotonic": 0, "monotonic_ns": 0, "perf_counter": 0, "perf_counter_ns": 0, "process_time": 0,
     "process_time_ns": 0, "thread_time": 0, "thread_time_ns": 0, "localtime": 0, "gmtime": 0, "ctime": 0, "asctime": 0, "strftime": 1,
@@ -182,18 +182,18 @@ A call with more arguments converts a given time.
 def _wrap_clock() -> None:
     for name, count in _CLOCKS.items():
         if hasattr(time, name):
-            setattr(time, name, _asking(getattr(time, name), ImpureInputs.CLOCK, _CLOCK, count))
+            setattr(time, name, _noting_use(getattr(time, name), ImpureInputs.CLOCK, _CLOCK, count))
 
 
-def _asking(function: Callable[..., Any], what: ImpureInputs, message: str, most: float = math.inf) -> Callable[..., Any]:
+def _noting_use(function: Callable[..., Any], what: ImpureInputs, message: str, most: float = math.inf) -> Callable[..., Any]:
     """Wrap a function so that calls with at most `most` positional arguments are recorded as the use of an impure input."""
     @functools.wraps(function)
-    def asking(*arguments: Any, **options: Any) -> Any:
+    def noting(*arguments: Any, **options: Any) -> Any:
         if len(arguments) <= most:
-            _ask(what, message)
+            _note_use(what, message)
         return function(*arguments, **options)
 
-    return asking
+    return noting
 
 
 def builtins_for(code: types.CodeType) -> Mapping[str, Any] | None:
@@ -207,37 +207,37 @@ def builtins_for(code: types.CodeType) -> Mapping[str, Any] | None:
 
 @functools.cache
 def _names(code: types.CodeType) -> bool:
-    return not _OF_DATES.isdisjoint(code.co_names) or any(_names(one) for one in code.co_consts if isinstance(one, types.CodeType))
+    return not _DATE_METHODS.isdisjoint(code.co_names) or any(_names(one) for one in code.co_consts if isinstance(one, types.CodeType))
 
 
 @functools.cache
 def _builtins() -> Mapping[str, Any]:
-    telling = types.ModuleType("datetime", datetime.__doc__)
-    telling.__dict__.update(vars(datetime))
-    telling.date = _telling_time(datetime.date, ("today",))  # type: ignore[attr-defined]
-    telling.datetime = _telling_time(datetime.datetime, ("now", "utcnow", "today"))  # type: ignore[attr-defined]
+    wrapped_datetime = types.ModuleType("datetime", datetime.__doc__)
+    wrapped_datetime.__dict__.update(vars(datetime))
+    wrapped_datetime.date = _noting_clock(datetime.date, ("today",))  # type: ignore[attr-defined]
+    wrapped_datetime.datetime = _noting_clock(datetime.datetime, ("now", "utcnow", "today"))  # type: ignore[attr-defined]
 
     def import_(*arguments: Any, **options: Any) -> Any:
         module = builtins.__import__(*arguments, **options)
-        return telling if module is datetime else module
+        return wrapped_datetime if module is datetime else module
 
     return {**vars(builtins), "__import__": import_}
 
 
-def _telling_time(real: Any, names: Sequence[str]) -> type:
+def _noting_clock(real: Any, names: Sequence[str]) -> type:
     """Return a class to replace `datetime.date` or `datetime.datetime`. `names` contains the methods that read the clock."""
 
     def new(cls: Any, *arguments: Any, **options: Any) -> Any:
         return real.__new__(real if cls is stand_in else cls, *arguments, **options)
 
-    def asking(name: str) -> Any:
-        def ask(cls: Any, *arguments: Any, **options: Any) -> Any:
-            _ask(ImpureInputs.CLOCK, _CLOCK)
+    def noting(name: str) -> Any:
+        def method(cls: Any, *arguments: Any, **options: Any) -> Any:
+            _note_use(ImpureInputs.CLOCK, _CLOCK)
             return getattr(real if cls is stand_in else super(stand_in, cls), name)(*arguments, **options)
 
-        return classmethod(functools.wraps(getattr(real, name))(ask))
+        return classmethod(functools.wraps(getattr(real, name))(method))
 
-    stand_in = _stand_in(real, new, {name: asking(name) for name in names})
+    stand_in = _stand_in(real, new, {name: noting(name) for name in names})
     return stand_in
 
 
@@ -254,8 +254,8 @@ def _stand_in(real: Any, new: Callable[..., Any], body: Mapping[str, Any]) -> ty
         def __subclasscheck__(cls, other: type) -> bool:
             return issubclass(other, real) if cls is stand_in else type.__subclasscheck__(cls, other)
 
-    own = {"__new__": new, "__doc__": real.__doc__, "__module__": real.__module__, **body}
-    stand_in: type = _ClockClass(real.__name__, (real,), own)
+    namespace = {"__new__": new, "__doc__": real.__doc__, "__module__": real.__module__, **body}
+    stand_in: type = _ClockClass(real.__name__, (real,), namespace)
     return stand_in
 
 
@@ -263,7 +263,7 @@ def _stand_in(real: Any, new: Callable[..., Any], body: Mapping[str, Any]) -> ty
 
 _CHANCE = "uses random numbers without a seed; the first result stays cached"
 _SEEDING = frozenset({"seed", "setstate", "set_state", "set_bit_generator"})
-_LOOKING = frozenset({"getstate", "get_state", "get_bit_generator"})
+_STATE_READERS = frozenset({"getstate", "get_state", "get_bit_generator"})
 
 
 def _wrap_chance() -> None:
@@ -272,19 +272,19 @@ def _wrap_chance() -> None:
 
     def seed(self: random.Random, a: Any = None, version: int = 2) -> None:
         if a is None:
-            _ask(ImpureInputs.CHANCE, _CHANCE)
+            _note_use(ImpureInputs.CHANCE, _CHANCE)
         original(self, a, version)
 
     family.seed = functools.wraps(original)(seed)
     generator = random._inst
     _wrap_global(random, lambda function: getattr(function, "__self__", None) is generator)
     # SystemRandom, `secrets` and numpy's generators without a seed call this function
-    urandom = _asking(os.urandom, ImpureInputs.CHANCE, _CHANCE)
+    urandom = _noting_use(os.urandom, ImpureInputs.CHANCE, _CHANCE)
     for owner, name in ((os, "urandom"), (random, "_urandom")):
         setattr(owner, name, urandom)
     for owner, name in ((os, "getrandom"), (uuid, "uuid1"), (uuid, "getnode")):
         if hasattr(owner, name):
-            setattr(owner, name, _asking(getattr(owner, name), ImpureInputs.CHANCE, _CHANCE))
+            setattr(owner, name, _noting_use(getattr(owner, name), ImpureInputs.CHANCE, _CHANCE))
 
 
 def _wrap_global(module: types.ModuleType, of_global: Callable[[Any], bool]) -> None:
@@ -293,18 +293,18 @@ def _wrap_global(module: types.ModuleType, of_global: Callable[[Any], bool]) -> 
     Calls of these functions are recorded, unless the part has seeded the generator.
     """
     for name, function in list(vars(module).items()):
-        if name not in _LOOKING and callable(function) and not isinstance(function, type) and of_global(function):
-            setattr(module, name, _of_global(module.__name__, name, function))
+        if name not in _STATE_READERS and callable(function) and not isinstance(function, type) and of_global(function):
+            setattr(module, name, _noting_unless_seeded(module.__name__, name, function))
 
 
-def _of_global(module: str, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+def _noting_unless_seeded(module: str, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(function)
     def global_(*arguments: Any, **options: Any) -> Any:
         if _current is not None:
             if name in _SEEDING and next(iter((*arguments, *options.values())), None) is not None:
                 _current.seeded.add(module)
             elif module not in _current.seeded:
-                _ask(ImpureInputs.CHANCE, _CHANCE)
+                _note_use(ImpureInputs.CHANCE, _CHANCE)
         return function(*arguments, **options)
 
     return global_
@@ -319,8 +319,8 @@ def _wrap_numpy(module: types.ModuleType) -> None:
     """
     mtrand = module.mtrand
     real = mtrand.RandomState
-    old = {id(value) for value in vars(mtrand).values()}
-    _wrap_global(module, lambda function: id(function) in old)
+    functions = {id(value) for value in vars(mtrand).values()}
+    _wrap_global(module, lambda function: id(function) in functions)
 
     def new(cls: Any, seed: Any = None) -> Any:
         if cls is not stand_in:
@@ -330,8 +330,8 @@ def _wrap_numpy(module: types.ModuleType) -> None:
 
     def look_up(self: Any, name: str) -> Any:
         attribute = real.__getattribute__(self, name)
-        plain = name.startswith("_") or name in _LOOKING or not callable(attribute)
-        return attribute if plain else _of_global(module.__name__, name, attribute)
+        plain = name.startswith("_") or name in _STATE_READERS or not callable(attribute)
+        return attribute if plain else _noting_unless_seeded(module.__name__, name, attribute)
 
     stand_in = _stand_in(real, new, {})
     watched = type(real.__name__, (real,), {"__getattribute__": look_up})

@@ -87,7 +87,7 @@ class LazyObject:
         return f"<{'.'.join((self._module, *self._names))}, not imported yet>"
 
 
-class _StandIn(types.ModuleType):
+class _LazyModule(types.ModuleType):
     """A module placeholder for a package that has not been imported."""
 
     _session: _Session
@@ -95,13 +95,13 @@ class _StandIn(types.ModuleType):
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__") and self._session.open:
             raise AttributeError(name)
-        stands_for = LazyObject(self._session, self.__name__, (name,))
-        return stands_for if self._session.open else real(stands_for)
+        lazy_object = LazyObject(self._session, self.__name__, (name,))
+        return lazy_object if self._session.open else real(lazy_object)
 
 
 def real(value: Any) -> Any:
     """If the value is a placeholder, import and return the real object. Return any other value unchanged."""
-    if isinstance(value, _StandIn):
+    if isinstance(value, _LazyModule):
         value._session.settle(value.__name__.partition(".")[0])
         return importlib.import_module(value.__name__)
     if type(value) is not LazyObject:
@@ -130,7 +130,7 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         return importlib.machinery.ModuleSpec(fullname, self, is_package=True)
 
     def create_module(self, spec: importlib.machinery.ModuleSpec) -> types.ModuleType:
-        module = _StandIn(spec.name)
+        module = _LazyModule(spec.name)
         module._session = self.session
         self.made.append(spec.name)
         return module
@@ -152,9 +152,9 @@ def import_cheaply(name: str, packages: frozenset[str] = SELDOM_USED) -> types.M
     sys.meta_path.insert(0, finder)
     try:
         module = importlib.import_module(name)
-        stand_ins = {made: sys.modules.pop(made) for made in finder.made if made in sys.modules}
+        lazy_modules = {imported: sys.modules.pop(imported) for imported in finder.made if imported in sys.modules}
         _find_sites(session, [sys.modules[new] for new in sys.modules.keys() - before])
-        del stand_ins
+        del lazy_modules
         session.open = False
         return module
     except Exception:
@@ -169,7 +169,7 @@ def import_cheaply(name: str, packages: frozenset[str] = SELDOM_USED) -> types.M
 def _package(value: Any) -> str | None:
     if type(value) is LazyObject:
         return str(value._module.partition(".")[0])
-    if type(value) is _StandIn:
+    if type(value) is _LazyModule:
         return value.__name__.partition(".")[0]
     return None
 
@@ -189,16 +189,16 @@ def _note(session: _Session, owner: Any, name: str, value: Any, module: str) -> 
     if package is not None:
         session.sites.setdefault(package, []).append(lambda: setattr(owner, name, real(value)))
     elif isinstance(value, dict):
-        for held in {_package(item) for pair in value.items() for item in pair} - {None}:
-            session.sites.setdefault(str(held), []).append(lambda: _refill(value))
+        for package_name in {_package(item) for pair in value.items() for item in pair} - {None}:
+            session.sites.setdefault(str(package_name), []).append(lambda: _refill(value))
     elif isinstance(value, (list, tuple)):
-        for held in {_package(item) for item in value} - {None}:
-            session.sites.setdefault(str(held), []).append(lambda: setattr(owner, name, type(value)(real(item) for item in value)))
+        for package_name in {_package(item) for item in value} - {None}:
+            session.sites.setdefault(str(package_name), []).append(lambda: setattr(owner, name, type(value)(real(item) for item in value)))
     elif isinstance(value, types.FunctionType):
         defaults = (*(value.__defaults__ or ()), *(value.__kwdefaults__ or {}).values())
         held_by_defaults = sorted({package for item in defaults if (package := _package(item))})
         if held_by_defaults and value.__module__ == module:
-            setattr(owner, name, _settling(session, value, held_by_defaults))
+            setattr(owner, name, _settled_first(session, value, held_by_defaults))
     elif isinstance(value, type) and value.__module__ == module:
         for attribute, held_value in list(vars(value).items()):
             if not isinstance(held_value, type):
@@ -212,7 +212,7 @@ def _refill(table: dict[Any, Any]) -> None:
     table.update(entries)
 
 
-def _settling(session: _Session, function: types.FunctionType, packages: Sequence[str]) -> Callable[..., Any]:
+def _settled_first(session: _Session, function: types.FunctionType, packages: Sequence[str]) -> Callable[..., Any]:
     """Wrap `function` so that the placeholders among its default arguments are replaced before the call."""
 
     @functools.wraps(function)

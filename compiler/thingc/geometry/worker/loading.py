@@ -101,9 +101,9 @@ class _PartLoader(importlib.machinery.SourceFileLoader):
     def exec_module(self, module: types.ModuleType) -> None:
         """Run the code of the module with the builtins that it requires."""
         code = self.get_code(module.__name__)
-        own = builtins_for(code) if code is not None else None
-        if own is not None:
-            module.__dict__["__builtins__"] = own
+        special_builtins = builtins_for(code) if code is not None else None
+        if special_builtins is not None:
+            module.__dict__["__builtins__"] = special_builtins
         super().exec_module(module)
 
     def get_code(self, fullname: str) -> types.CodeType | None:

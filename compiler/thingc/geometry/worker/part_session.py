@@ -195,12 +195,12 @@ class PartSession:
 
 def _exception_text(fault: BaseException) -> str:
     text = fault.msg if isinstance(fault, SyntaxError) else str(fault)
-    if isinstance(fault, (NameError, AttributeError, ImportError)) and (meant := _python_suggests(fault)):
-        text = f"{text}. {meant}"
-    words = f"{type(fault).__name__}: {text}" if text else type(fault).__name__
+    if isinstance(fault, (NameError, AttributeError, ImportError)) and (suggestion := _python_suggests(fault)):
+        text = f"{text}. {suggestion}"
+    message = f"{type(fault).__name__}: {text}" if text else type(fault).__name__
     if isinstance(fault, ImportError) and (fault.name or "").startswith("thingc."):
-        words = f"{words}; part files import from `thingc` itself: write `from thingc import MATE, MountPoint, Thing`"
-    return "; ".join((words, *getattr(fault, "__notes__", ())))
+        message = f"{message}; part files import from `thingc` itself: write `from thingc import MATE, MountPoint, Thing`"
+    return "; ".join((message, *getattr(fault, "__notes__", ())))
 
 
 def _python_suggests(fault: BaseException) -> str | None:

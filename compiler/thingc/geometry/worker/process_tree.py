@@ -73,9 +73,9 @@ def alive(processes: Iterable[int]) -> list[int]:
 def outliving(processes: Iterable[int], seconds: float) -> list[int]:
     """Wait at most `seconds` until the given processes have ended. Return the processes that are still running."""
     last = time.monotonic() + seconds
-    while (left := alive(processes)) and time.monotonic() < last:
+    while (running := alive(processes)) and time.monotonic() < last:
         time.sleep(PAUSE)
-    return left
+    return running
 
 
 def command(process: int) -> str:

@@ -34,8 +34,8 @@ class ForbiddenWrite(PermissionError):
     The exception is a `PermissionError`. Libraries catch this exception if they do not need the file.
     """
 
-    def __init__(self, path: str, words: str = "files may be written only to the temporary folder of this process") -> None:
-        super().__init__(errno.EACCES, words, path)
+    def __init__(self, path: str, reason: str = "files may be written only to the temporary folder of this process") -> None:
+        super().__init__(errno.EACCES, reason, path)
 
 
 # --- what Python does -------------------------------------------------------------------------------------------------
@@ -70,7 +70,7 @@ def begin(folder: str, readable: Sequence[str] | None = None) -> None:
     If `readable` is given, also refuse reads outside of these folders, new programs and network connections.
     """
     global _allowed, _readable
-    audit.listen(("open", *_CHANGING, *(_STARTING if readable is not None else ())), _heard)
+    audit.listen(("open", *_CHANGING, *(_STARTING if readable is not None else ())), _handle_event)
     _allowed = (os.path.join(os.path.realpath(folder), ""), *([os.path.join(DEVICES, "")] if readable is None else ()))
     _readable = None if readable is None else (*_allowed, *(os.path.join(os.path.realpath(one), "") for one in readable))
 
@@ -81,7 +81,7 @@ def end() -> None:
     _allowed = ()
 
 
-def _heard(event: str, arguments: tuple[Any, ...]) -> None:
+def _handle_event(event: str, arguments: tuple[Any, ...]) -> None:
     if not _allowed:
         return
     if event == "open":

@@ -76,8 +76,8 @@ def _make_folder(base: str) -> tuple[str, int | None]:
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 if os.path.samestat(os.fstat(descriptor), os.stat(folder)):
-                    kept, descriptor = descriptor, -1
-                    return folder, kept
+                    lock, descriptor = descriptor, -1
+                    return folder, lock
             finally:
                 if descriptor >= 0:
                     os.close(descriptor)

@@ -53,7 +53,7 @@ def main(arguments: list[str]) -> None:
     settle(scratch.folder)
     try:
         if "--once" in arguments:
-            _answer(answers, _safely(json.loads(sys.stdin.buffer.readline())))
+            _answer(answers, _answer_or_failure(json.loads(sys.stdin.buffer.readline())))
         elif not _load(answers):
             return
         elif hasattr(os, "fork") and "--inline" not in arguments:
@@ -68,7 +68,7 @@ def main(arguments: list[str]) -> None:
                 folder = scratch.make()
                 settle(folder)
                 request = json.loads(line)
-                _answer(answers, _move_results(_safely({**request, "scratch": folder}), request["store"], folder))
+                _answer(answers, _move_results(_answer_or_failure({**request, "scratch": folder}), request["store"], folder))
     finally:
         scratch.close()
         os._exit(0)
@@ -83,8 +83,8 @@ def _load(answers: int) -> bool:
         import_cheaply("build123d")
         for name in AHEAD:
             importlib.import_module(name)
-        _stay_single()
-        _make_room()
+        _disable_threads()
+        _enlarge_object_table()
         from thingc.geometry.key.modules import installed_roots
         from thingc.geometry.worker import executed_functions, impure_inputs
         from thingc.geometry.worker.file_reads import wrap_importers
@@ -106,7 +106,7 @@ def _load(answers: int) -> bool:
     return True
 
 
-def _stay_single() -> None:
+def _disable_threads() -> None:
     """Prevent the CAD kernel and (on Linux) manifold3d from starting threads, because child processes already run in parallel.
 
     Threads would take up to a fifth more processor time. The CAD kernel has a function that disables threads. TBB, which manifold3d uses,
@@ -126,7 +126,7 @@ def _stay_single() -> None:
         os.sched_setaffinity(0, allowed)
 
 
-def _make_room() -> None:
+def _enlarge_object_table() -> None:
     """Make pybind11 enlarge the table in which it stores the objects of the CAD kernel.
 
     If a child process enlarged the table, all memory pages of the table would be copied. The new size is enough for twice the current
@@ -143,14 +143,14 @@ def _answer(descriptor: int, value: Mapping[str, Any]) -> None:
         data = data[os.write(descriptor, data) :]
 
 
-def _safely(request: Mapping[str, Any]) -> dict[str, Any]:
+def _answer_or_failure(request: Mapping[str, Any]) -> dict[str, Any]:
     try:
         return {"id": request["id"], **answer_request(request)}
     except BaseException as fault:
         import traceback
 
-        words = f"{type(fault).__name__}: {fault}"
-        return {"id": request["id"], "failed": "crashed", "words": words, "detail": traceback.format_exc()}
+        message = f"{type(fault).__name__}: {fault}"
+        return {"id": request["id"], "failed": "crashed", "words": message, "detail": traceback.format_exc()}
 
 
 def answer_request(request: Mapping[str, Any]) -> dict[str, Any]:
@@ -161,10 +161,10 @@ def answer_request(request: Mapping[str, Any]) -> dict[str, Any]:
     """
     from thingc.geometry.store.local import StoreUnusable
 
-    begun = time.monotonic()
+    start = time.monotonic()
     try:
         answer = perform(request)
-        return {"answer": answer, "span": [answer.pop("loaded", begun), time.monotonic()]}
+        return {"answer": answer, "span": [answer.pop("loaded", start), time.monotonic()]}
     except StoreUnusable as fault:
         return {"failed": "unusable", "words": fault.reason}
 
@@ -229,7 +229,7 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
 
     until = time.monotonic() + request["timeout"] / 2
     answer = build_part(request["definition"], convert(request["tessellations"], Tessellations), context, store)
-    return {**answer, "slices": _slice_likely(answer, request["slicings"], store) if time.monotonic() < until else []}
+    return {**answer, "slices": _likely_slices(answer, request["slicings"], store) if time.monotonic() < until else []}
 
 
 def _function(request: Mapping[str, Any]) -> Callable[..., Any]:
@@ -239,7 +239,7 @@ def _function(request: Mapping[str, Any]) -> Callable[..., Any]:
     return function
 
 
-def _slice_likely(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any], bool]], store: Store) -> list[Any]:
+def _likely_slices(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str, Any], bool]], store: Store) -> list[Any]:
     """Slice a part that was just built, with the settings that documents will probably use (`LikelySlicing`).
 
     Return a list of pairs. Each pair contains the settings and the result as JSON values. If slicing fails, the pair is omitted.
@@ -299,9 +299,9 @@ class _Server:
                         if not child.read() or child.answered:
                             self.finish(child)
                 for child in list(self.running.values()):
-                    over = child.end_reason(time.monotonic())
-                    if over is not None:
-                        self.finish(child, over)
+                    reason = child.end_reason(time.monotonic())
+                    if reason is not None:
+                        self.finish(child, reason)
         except BrokenPipeError:
             return
         finally:
@@ -310,36 +310,36 @@ class _Server:
 
     def receive(self, data: bytes) -> None:
         """Process data that has arrived from the client or from a child process."""
-        *lines, rest = (self.received + data).split(b"\n")
-        self.received = bytearray(rest)
+        *lines, incomplete = (self.received + data).split(b"\n")
+        self.received = bytearray(incomplete)
         for line in lines:
             self.take(json.loads(line))
 
-    def take(self, asked: dict[str, Any]) -> None:
+    def take(self, message: dict[str, Any]) -> None:
         """Process a message from the client. The message can queue a request, cancel a request (`forget`), or announce a request
         (`prepare`).
         """
         from thingc.geometry.worker.scratch import remove
 
-        if "prepare" in asked:
-            self.prepare({"hashes": dict.fromkeys(asked["prepare"])})
+        if "prepare" in message:
+            self.prepare({"hashes": dict.fromkeys(message["prepare"])})
             self.spare = self.spare or self.start()
             return
-        if "forget" not in asked:
-            self.waiting[asked["op"] == "describe"].append(asked)
+        if "forget" not in message:
+            self.waiting[message["op"] == "describe"].append(message)
             return
-        for one in [one for one in self.waiting[False] if one["id"] == asked["forget"]]:
+        for one in [one for one in self.waiting[False] if one["id"] == message["forget"]]:
             self.waiting[False].remove(one)
-        for child in [child for child in self.running.values() if child.request["id"] == asked["forget"]]:
+        for child in [child for child in self.running.values() if child.request["id"] == message["forget"]]:
             self.end(child, "hung")
             remove(child.scratch)
 
     def begin_waiting(self, done: Child | None = None) -> None:
         """Start queued requests while there is capacity. The slot of the child `done`, which is about to end, counts as free."""
-        for describes, asked in self.waiting.items():
+        for describes, requests in self.waiting.items():
             busy = sum((child.request["op"] == "describe") == describes for child in self.running.values() if child is not done)
-            for _ in range(min(self.jobs - busy, len(asked))):
-                self.begin(asked.popleft())
+            for _ in range(min(self.jobs - busy, len(requests))):
+                self.begin(requests.popleft())
 
     def begin(self, request: dict[str, Any]) -> None:
         """Send a request to the spare child process. If there is no spare child process, fork a new child process."""
@@ -371,25 +371,25 @@ class _Server:
         """Return all child processes that are running, including the spare child."""
         return [*self.running.values(), *([self.spare] if self.spare is not None else [])]
 
-    def finish(self, child: Child, over: str | None = None) -> None:
+    def finish(self, child: Child, reason: str | None = None) -> None:
         """End a child process and send its answer to the client.
 
         If the child has not started processes, it is only stopped before its answer is sent, and ended afterwards. The child is stopped
         first because freeing its memory takes as long as a fork.
         """
-        alone = over is None and child.answered and child.stop()
-        ended = child.answer if alone else self.end(child, over)
+        only_stopped = reason is None and child.answered and child.stop()
+        ended = child.answer if only_stopped else self.end(child, reason)
         _answer(self.answers, _move_results(ended, child.request["store"], child.scratch))
-        if alone:
-            self.end(child, over)
+        if only_stopped:
+            self.end(child, reason)
 
-    def end(self, child: Child, over: str | None) -> dict[str, Any]:
+    def end(self, child: Child, reason: str | None) -> dict[str, Any]:
         """End a child process, and return its answer or its failure."""
         if child.answered:  # ending a child takes as long as a fork, so another core starts the next request
             self.begin_waiting(child)
         self.selector.unregister(child.pipe)
         del self.running[child.pipe]
-        return child.end(over, {other.process for other in self.children()})
+        return child.end(reason, {other.process for other in self.children()})
 
 
 def _prepare(request: Mapping[str, Any]) -> bool:
@@ -401,15 +401,15 @@ def _prepare(request: Mapping[str, Any]) -> bool:
     from thingc.geometry.worker.kernel.mesh_files import reads_with_trimesh
     from thingc.geometry.worker.loading import compile_ahead
 
-    news = [compile_ahead(file, sha256) for file, sha256 in request.get("hashes", {}).items()]
+    did_work = [compile_ahead(file, sha256) for file, sha256 in request.get("hashes", {}).items()]
     of_file = request.get("definition", {}).get("kind") == "file" and reads_with_trimesh(request["definition"]["reference"])
     for name in (*request.get("preload", ()), *(["trimesh"] if of_file else [])):
         if name not in sys.modules:
             with contextlib.suppress(Exception):
                 importlib.import_module(name)
-            news.append(True)
+            did_work.append(True)
     remember_loaded()
-    return any(news)
+    return any(did_work)
 
 
 if __name__ == "__main__":

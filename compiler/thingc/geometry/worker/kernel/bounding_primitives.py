@@ -122,8 +122,8 @@ def _round(points: NDArray[np.float64], frame: NDArray[np.float64]) -> tuple[Pri
         pose=_pose(frame, frame @ np.array([*centre, (low + high) / 2.0])),
     )
     # height of the cap above a point, at the distance of the point from the axis
-    over = np.sqrt(np.maximum(radius**2 - ((local[:, :2] - centre) ** 2).sum(axis=1), 0.0))
-    top, bottom = float((z - over).max()), float((z + over).min())
+    cap_heights = np.sqrt(np.maximum(radius**2 - ((local[:, :2] - centre) ** 2).sum(axis=1), 0.0))
+    top, bottom = float((z - cap_heights).max()), float((z + cap_heights).min())
     half = max((top - bottom) / 2.0, 1e-6 * radius)
     capsule = Primitive(shape="capsule", size=(radius, half), pose=_pose(frame, frame @ np.array([*centre, (top + bottom) / 2.0])))
     return cylinder, capsule

@@ -159,14 +159,14 @@ def _from_code(definition: dict[str, Any], session: PartSession) -> BuiltPart:
     schemas = inspection.parameters_of(part)
     kinds = {parameter.name: parameter.kind for parameter in schemas}
     # defaults are rounded in the same way as values in a document
-    own = {parameter.name: convert.to_si(parameter.kind, parameter.default) for parameter in schemas if parameter.default is not None}
-    given = {**own, **definition["parameters"]}
-    parameters = {name: convert.to_author(kinds.get(name, ""), value) for name, value in given.items()}
+    defaults = {parameter.name: convert.to_si(parameter.kind, parameter.default) for parameter in schemas if parameter.default is not None}
+    values = {**defaults, **definition["parameters"]}
+    parameters = {name: convert.to_author(kinds.get(name, ""), value) for name, value in values.items()}
     thing = inspection.build(part, parameters)
     geometry = thing.result()
     shapes = _shapes(geometry, "result")
-    mass, centre, matrix, density = (inspection.statement_of(thing, one) for one in ("mass", "centre", "matrix_of_inertia", "density"))
-    color, extra = _color(inspection.color_of(thing), {hexadecimal(shape.color) for shape in shapes if shape.color is not None})
+    mass, centre, matrix, density = (inspection.statement_of(thing, name) for name in ("mass", "centre", "matrix_of_inertia", "density"))
+    color, color_warnings = _color(inspection.color_of(thing), {hexadecimal(shape.color) for shape in shapes if shape.color is not None})
     actuator = inspection.actuator_of(thing)
     visual, collision = _shapes(thing.visual(), "visual"), _shapes(thing.collision(), "collision")
     record = PartRecord(
@@ -177,7 +177,7 @@ def _from_code(definition: dict[str, Any], session: PartSession) -> BuiltPart:
             name: MountRecord(
                 pose=convert.pose(mount.location.wrapped.Transformation()), interface=mount.interface,
                 tolerance=None if mount.tolerance is None else convert.length(mount.tolerance),
-                features=tuple(one.in_units(convert.length, math.radians) for one in mount.features),
+                features=tuple(feature.in_units(convert.length, math.radians) for feature in mount.features),
             )
             for name, mount in inspection.mounts_of(thing).items()
         },
@@ -186,18 +186,18 @@ def _from_code(definition: dict[str, Any], session: PartSession) -> BuiltPart:
         actuator=msgspec.convert(actuator, ActuatorRecord | None, from_attributes=True),
         mass=_read_declared(mass, float), com=_read_declared(centre, convert.vector), matrix=_read_declared(matrix, convert.matrix),
         density=_read_declared(density, float),
-        bom=inspection.bom_of(thing), up=inspection.up_of(thing), warnings=extra,
+        bom=inspection.bom_of(thing), up=inspection.up_of(thing), warnings=color_warnings,
         code=None if definition["placed"] else inspection.code_location(part),
     )
-    one = kind != "shape" and inspection.is_one_solid(geometry)  # users cannot change a library's shape class
-    return BuiltPart(shapes=_round(shapes), visual=_round(visual), collision=_round(collision), record=record, one=one)
+    is_one = kind != "shape" and inspection.is_one_solid(geometry)  # users cannot change a library's shape class
+    return BuiltPart(shapes=_round(shapes), visual=_round(visual), collision=_round(collision), record=record, one=is_one)
 
 
 def _from_file(definition: dict[str, Any], context: RequestContext) -> BuiltPart:
     unit = parse_quantity(f"1 {definition['parameters'].get('unit', FILE_UNIT)}").value * convert.MM
-    shapes, colors, mended = read_part(os.path.join(context.root, definition["reference"]), unit)
-    color, extra = _color(None, colors)
-    warnings = (*extra, *(PartWarning(message=words) for words in mended))
+    shapes, colors, repairs = read_part(os.path.join(context.root, definition["reference"]), unit)
+    color, color_warnings = _color(None, colors)
+    warnings = (*color_warnings, *(PartWarning(message=words) for words in repairs))
     return BuiltPart(
         shapes=shapes, record=PartRecord(text=definition["text"], color=color, warnings=warnings), file=True,
         faceted=definition["reference"].lower().endswith(SUFFIXES), faces=definition["parameters"].get("faces"),
@@ -219,7 +219,7 @@ def _mirror(built: BuiltPart, axis: str) -> BuiltPart:
         bom={key: value for key, value in record.bom.items() if key != "number"},
         own_image=bool(built.shapes) and mounts_stay and mirror.is_image_of_itself(solid_part(built)),
     )
-    shapes, visual, collision = ([mirror.shape(shape) for shape in some] for some in (built.shapes, built.visual, built.collision))
+    shapes, visual, collision = (list(map(mirror.shape, shapes)) for shapes in (built.shapes, built.visual, built.collision))
     return replace(built, shapes=shapes, visual=visual, collision=collision, record=image)
 
 
@@ -250,9 +250,9 @@ def _round(shapes: Iterable[Any]) -> list[TopoDS_Shape]:
         corners = ShapeMap()
         TopExp.MapShapes_s(shape, TopAbs_VERTEX, corners)
         for corner in map(TopoDS.Vertex, corners):
-            at = BRep_Tool.Pnt_s(corner).Coord()
-            x, y, z = (round(coordinate, DECIMALS) + 0.0 for coordinate in at)
-            if (x, y, z) != at:
+            position = BRep_Tool.Pnt_s(corner).Coord()
+            x, y, z = (round(coordinate, DECIMALS) + 0.0 for coordinate in position)
+            if (x, y, z) != position:
                 builder.UpdateVertex(corner, gp_Pnt(x, y, z), BRep_Tool.Tolerance_s(corner))
     return rounded
 
@@ -275,15 +275,15 @@ def _expectation(expected: Any) -> MountExpectation:
     )
 
 
-def _color(stated: str | None, of_shapes: set[str]) -> tuple[str | None, tuple[PartWarning, ...]]:
-    if stated is not None:
+def _color(declared: str | None, of_shapes: set[str]) -> tuple[str | None, tuple[PartWarning, ...]]:
+    if declared is not None:
         try:
-            return hex_colour(stated), ()
+            return hex_colour(declared), ()
         except ValueError:
-            return None, (PartWarning(message=f"`{stated}` is not a colour: use a CSS name or `#rrggbb`"),)
+            return None, (PartWarning(message=f"`{declared}` is not a colour: use a CSS name or `#rrggbb`"),)
     if len(of_shapes) > 1:
-        several = ", ".join(f"`{color}`" for color in sorted(of_shapes))
-        return None, (PartWarning(message=f"its solids have {len(of_shapes)} colours, {several}: the colour of its material is used"),)
+        names = ", ".join(f"`{color}`" for color in sorted(of_shapes))
+        return None, (PartWarning(message=f"its solids have {len(of_shapes)} colours, {names}: the colour of its material is used"),)
     return next(iter(of_shapes), None), ()
 
 
@@ -297,8 +297,8 @@ def _measure(built: BuiltPart, tessellations: Tessellations, store: Store) -> Pa
     solids = _meshes(solid, tessellations.fine)
     mesh = meshing.together(solids)
     metres = mesh.scale(1.0 / convert.MM)
-    round_about = meshing.hull(metres.vertices) or metres
-    coarse, hull, extra = metres, round_about, built.record.warnings
+    full_hull = meshing.hull(metres.vertices) or metres
+    coarse, hull, part_warnings = metres, full_hull, built.record.warnings
     if tessellations.simulation != tessellations.fine and not built.faceted:
         coarse = meshing.together(_meshes(solid, tessellations.simulation)).scale(1.0 / convert.MM)
         hull = meshing.hull(coarse.vertices) or coarse
@@ -306,23 +306,23 @@ def _measure(built: BuiltPart, tessellations: Tessellations, store: Store) -> Pa
     if built.faces is not None:
         if len(coarse.faces) > built.faces:
             fewer = simplify(coarse, built.faces)
-            extra = (*extra, *_off(coarse, fewer))
+            part_warnings = (*part_warnings, *_deviation_warning(coarse, fewer))
             coarse, hull = fewer, meshing.hull(fewer.vertices) or fewer
         meshes["simulation"] = stored_obj(coarse, store)
-    shown = _visual(built.visual, tessellations.simulation).scale(1.0 / convert.MM) if built.visual else coarse
-    meshes["visual"] = _store_mesh(shown, meshing.obj(shown), store)
+    visual = _visual(built.visual, tessellations.simulation).scale(1.0 / convert.MM) if built.visual else coarse
+    meshes["visual"] = _store_mesh(visual, meshing.obj(visual), store)
     meshes["mesh"] = stored_obj(metres, store)
     meshes["hull"] = stored_obj(hull, store)
     printed, double = meshing.merge_vertices(mesh), meshing.merge_vertices(mesh, DECIMALS)
     meshes["print"] = _store_mesh(printed, meshing.stl(printed), store)
     meshes["slicing"] = _store_mesh(double, meshing.double(double), store)
     if not meshes["print"].closed:
-        extra = (*extra, PartWarning(message="its mesh is not closed: the CAD kernel left gaps between faces"))
+        part_warnings = (*part_warnings, PartWarning(message="its mesh is not closed: the CAD kernel left gaps between faces"))
     inertia = convert.unit_inertia(measures.inertia)
     return replace(
         built.record, volume=convert.volume(measures.volume), area=convert.area(measures.area), centre=convert.vector(measures.centre),
         inertia=inertia, box=(convert.vector(measures.box[0]), convert.vector(measures.box[1])), brep=brep, meshes=meshes,
-        fits=fit_all(round_about.vertices, inertia), warnings=(*extra, *_overlap(solids, file=built.file)),
+        fits=fit_all(full_hull.vertices, inertia), warnings=(*part_warnings, *_overlap_warning(solids, file=built.file)),
         apart=_body_volumes(solid) if built.one else (), mounts=_compare_mounts(built.record.mounts, solid),
     )
 
@@ -351,7 +351,7 @@ def _body_volumes(solid: TopoDS_Shape) -> tuple[float, ...]:
     return tuple(sorted((convert.volume(math.fsum(measure(one).volume for one in body)) for body in bodies), reverse=True))
 
 
-def _off(mesh: meshing.Triangles, fewer: meshing.Triangles) -> tuple[PartWarning, ...]:
+def _deviation_warning(mesh: meshing.Triangles, fewer: meshing.Triangles) -> tuple[PartWarning, ...]:
     """Return a warning if a simplified mesh deviates too much from the original. Both meshes are in metres."""
     away, size = deviation(mesh, fewer), float(np.ptp(mesh.vertices, axis=0).max())
     if away <= DEVIATION * size:
@@ -360,15 +360,15 @@ def _off(mesh: meshing.Triangles, fewer: meshing.Triangles) -> tuple[PartWarning
     return (PartWarning(message=f"its mesh for simulators, of {len(fewer.faces)} triangles, is {off}; increase `faces`"),)
 
 
-def _overlap(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWarning, ...]:
+def _overlap_warning(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWarning, ...]:
     """Return a warning if solids of a part overlap, because overlapping volume counts twice in the integrals.
 
     An overlap of a thread with its hole is not reported.
     """
-    common, whole = meshing.counted_twice(solids) if len(solids) > 1 else 0.0, math.fsum(mesh.volume for mesh in solids)
-    if common <= max(OVERLAP * whole, 1.0):
+    common, total = meshing.counted_twice(solids) if len(solids) > 1 else 0.0, math.fsum(mesh.volume for mesh in solids)
+    if common <= max(OVERLAP * total, 1.0):
         return ()
-    shared, all_of_it = (f"{float(f'{volume:.4g}'):g}" for volume in (common, whole))  # 1000, not 1e+03
+    shared, all_of_it = (f"{float(f'{volume:.4g}'):g}" for volume in (common, total))  # 1000, not 1e+03
     twice = f"its {len(solids)} solids overlap: {shared} of {all_of_it} mm^3 are counted twice in volume and mass"
     return (PartWarning(message=f"{twice}; {'unite the solids in the CAD program' if file else 'fuse the solids (`a + b`)'}"),)
 
@@ -382,11 +382,11 @@ def solid_part(built: BuiltPart) -> TopoDS_Shape:
     """
     solids = [at_origin(solid) for shape in built.shapes for solid in solids_of(shape)]
     if not solids:
-        raise NoPart("empty", f"{'it' if built.file else 'result()'} contains no solid, {_instead(built.shapes)}")
+        raise NoPart("empty", f"{'it' if built.file else 'result()'} contains no solid, {_content_text(built.shapes)}")
     return compound_of(solids)
 
 
-def _instead(shapes: Sequence[TopoDS_Shape]) -> str:
+def _content_text(shapes: Sequence[TopoDS_Shape]) -> str:
     """Describe the content of shapes that do not contain a solid, for an error message."""
     from OCP.TopAbs import TopAbs_ShapeEnum
 

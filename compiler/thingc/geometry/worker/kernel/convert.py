@@ -99,6 +99,6 @@ def transformation(placement: Pose) -> gp_Trsf:
 
     r = placement.rotation
     x, y, z = (value * MM for value in placement.translation)
-    made = gp_Trsf()
-    made.SetValues(r[0][0], r[0][1], r[0][2], x, r[1][0], r[1][1], r[1][2], y, r[2][0], r[2][1], r[2][2], z)
-    return made
+    result = gp_Trsf()
+    result.SetValues(r[0][0], r[0][1], r[0][2], x, r[1][0], r[1][1], r[1][2], y, r[2][0], r[2][1], r[2][2], z)
+    return result

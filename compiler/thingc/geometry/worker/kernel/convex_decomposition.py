@@ -28,11 +28,11 @@ def decompose(sha256: str, most: int, store: Store) -> list[Any]:
     pieces: list[Triangles] = []
     for members in surfaces(mesh):
         body = without_slivers(mesh.vertices, mesh.faces[members])
-        whole = meshing.hull(body.vertices)
-        if whole is None or body.volume < 0.0:  # a flat surface, or a void inside a body
+        hull = meshing.hull(body.vertices)
+        if hull is None or body.volume < 0.0:  # a flat surface, or a void inside a body
             pieces = []
             break
-        pieces.extend([whole] if whole.volume - body.volume <= CONVEX * whole.volume else _by_coacd(body))
+        pieces.extend([hull] if hull.volume - body.volume <= CONVEX * hull.volume else _by_coacd(body))
     if not pieces or 0 < most < len(pieces):
         pieces = _by_coacd(mesh, most)
     return [to_builtins(stored_obj(piece, store)) for piece in pieces]
@@ -47,6 +47,6 @@ def _by_coacd(mesh: Triangles, most: int = 0) -> list[Triangles]:
     import coacd
 
     coacd.set_log_level("off")
-    made = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), seed=0, max_convex_hull=most or -1)
-    hulls = (meshing.hull(vertices) for vertices, _ in made)
+    pieces = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), seed=0, max_convex_hull=most or -1)
+    hulls = (meshing.hull(vertices) for vertices, _ in pieces)
     return [piece for piece in hulls if piece is not None]

@@ -121,8 +121,8 @@ def _join_cylinders(faces: Iterable[_CylinderFace]) -> list[_CylinderFace]:
 
 
 def _continues(one: _CylinderFace, other: _CylinderFace) -> bool:
-    near = dist(one.line.axis, other.line.axis) < 1e-7 and dist(one.line.point, other.line.point) < EQUAL
-    return near and one.hollow == other.hollow and abs(one.radius - other.radius) < EQUAL and other.lower <= one.upper + EQUAL
+    same_axis = dist(one.line.axis, other.line.axis) < 1e-7 and dist(one.line.point, other.line.point) < EQUAL
+    return same_axis and one.hollow == other.hollow and abs(one.radius - other.radius) < EQUAL and other.lower <= one.upper + EQUAL
 
 
 def _in_metres(face: _CylinderFace, intersector: Any) -> Cylinder:

@@ -104,15 +104,15 @@ TOUCHING = 1e-6
 def bodies_of(solids: Sequence[TopoDS_Shape]) -> list[list[TopoDS_Shape]]:
     """Group solids into bodies. Two solids are in the same body if they touch, either directly or through other solids."""
     boxes = [bounding_box(solid) for solid in solids]
-    waiting = list(range(len(solids)))
+    remaining = list(range(len(solids)))
     bodies: list[list[TopoDS_Shape]] = []
-    while waiting:
-        body = [waiting.pop(0)]
+    while remaining:
+        body = [remaining.pop(0)]
         for member in body:
-            near = [other for other in waiting if _boxes_touch(boxes[member], boxes[other])]
-            joined = [other for other in near if BRepExtrema_DistShapeShape(solids[member], solids[other]).Value() <= TOUCHING]
-            body += joined
-            waiting = [other for other in waiting if other not in joined]
+            candidates = [other for other in remaining if _boxes_touch(boxes[member], boxes[other])]
+            touching = [other for other in candidates if BRepExtrema_DistShapeShape(solids[member], solids[other]).Value() <= TOUCHING]
+            body += touching
+            remaining = [other for other in remaining if other not in touching]
         bodies.append([solids[member] for member in sorted(body)])
     return bodies
 
@@ -133,20 +133,20 @@ def measure(shape: TopoDS_Shape) -> Measures:
     """
     box = bounding_box(shape)
     apex = gp_Pnt(*((low + high) / 2.0 for low, high in zip(*box, strict=True)))
-    whole = GProp_GProps(apex)
+    volume = GProp_GProps(apex)
     surface = GProp_GProps(apex)
     for solid in solids_of(shape):
         matter, skin = integrals(solid, apex)
-        whole.Add(matter)
+        volume.Add(matter)
         surface.Add(skin)
-    centre = whole.CentreOfMass()
-    about = whole.MatrixOfInertia()
-    rows = [[about.Value(i, j) for j in (1, 2, 3)] for i in (1, 2, 3)]
+    centre = volume.CentreOfMass()
+    inertia = volume.MatrixOfInertia()
+    rows = [[inertia.Value(i, j) for j in (1, 2, 3)] for i in (1, 2, 3)]
     largest = max(rows[0][0], rows[1][1], rows[2][2])
     xy, xz, yz = (_clean((rows[i][j] + rows[j][i]) / 2.0, largest) for i, j in ((0, 1), (0, 2), (1, 2)))
     size = max(high - low for low, high in zip(*box, strict=True))
     return Measures(
-        volume=whole.Mass(),
+        volume=volume.Mass(),
         area=surface.Mass(),
         centre=(_clean(centre.X(), size), _clean(centre.Y(), size), _clean(centre.Z(), size)),
         inertia=((rows[0][0], xy, xz), (xy, rows[1][1], yz), (xz, yz, rows[2][2])),
@@ -160,11 +160,11 @@ def integrals(solid: TopoDS_Shape, apex: gp_Pnt) -> tuple[GProp_GProps, GProp_GP
     `apex` can be any point near the solid. Moments are computed about this point, because moments about a distant origin would lose digits.
     """
     skin = _skin(solid)
-    matter = _better(BRepGProp_Vinert, skin.flat, skin.extruded + skin.rest, apex)
+    matter = _integrate(BRepGProp_Vinert, skin.flat, skin.extruded + skin.rest, apex)
     if matter.Mass() < 0.0:
         skin = _skin(solid.Reversed())
-        matter = _better(BRepGProp_Vinert, skin.flat, skin.extruded + skin.rest, apex)
-    return matter, _better(BRepGProp_Sinert, skin.flat + skin.extruded, skin.rest, apex)
+        matter = _integrate(BRepGProp_Vinert, skin.flat, skin.extruded + skin.rest, apex)
+    return matter, _integrate(BRepGProp_Sinert, skin.flat + skin.extruded, skin.rest, apex)
 
 
 _Faces: TypeAlias = "tuple[tuple[TopoDS_Face, bool], ...]"
@@ -186,7 +186,7 @@ class _Skin(FrozenStruct):
 def _skin(solid: TopoDS_Shape) -> _Skin:
     flat: list[tuple[TopoDS_Face, bool]] = []
     extruded: list[tuple[TopoDS_Face, bool]] = []
-    rest: list[tuple[TopoDS_Face, bool]] = []
+    others: list[tuple[TopoDS_Face, bool]] = []
     for subshape in subshapes(solid, TopAbs_FACE):
         face = TopoDS.Face(subshape)
         kind = BRepAdaptor_Surface(face, False).GetType()
@@ -195,8 +195,8 @@ def _skin(solid: TopoDS_Shape) -> _Skin:
         elif kind == GeomAbs_Plane and _within_lines_and_circles(face):
             flat.append((face, True))
         else:
-            rest.append((face, kind in _ROUND and _within_own_lines(face)))
-    return _Skin(flat=tuple(flat), extruded=tuple(extruded), rest=tuple(rest))
+            others.append((face, kind in _ROUND and _within_own_lines(face)))
+    return _Skin(flat=tuple(flat), extruded=tuple(extruded), rest=tuple(others))
 
 
 def _within_lines_and_circles(face: TopoDS_Face) -> bool:
@@ -233,23 +233,23 @@ def _integral(kind: Any, faces: _Faces, apex: gp_Pnt, *accuracy: float) -> GProp
     return total
 
 
-def _better(kind: Any, once: _Faces, twice: _Faces, apex: gp_Pnt) -> GProp_GProps:
-    """Compute an integral over the faces `once` and `twice`. On the faces `twice`, fixed-order and adaptive integration are both used.
+def _integrate(kind: Any, simple: _Faces, others: _Faces, apex: gp_Pnt) -> GProp_GProps:
+    """Compute an integral over the faces `simple` and `others`. On the faces `others`, fixed-order and adaptive integration are both used.
 
     If both results agree, return the fixed-order result. If the results differ, return the adaptive result.
     """
-    sure = _integral(kind, once, apex)
-    plain = GProp_GProps(apex)
-    plain.Add(sure)
-    plain.Add(_integral(kind, twice, apex))
-    if all(exact for _, exact in twice):
-        return plain
+    common = _integral(kind, simple, apex)
+    fixed_order = GProp_GProps(apex)
+    fixed_order.Add(common)
+    fixed_order.Add(_integral(kind, others, apex))
+    if all(exact for _, exact in others):
+        return fixed_order
     adaptive = GProp_GProps(apex)
-    adaptive.Add(sure)
-    adaptive.Add(_integral(kind, twice, apex, ACCURACY))
-    one, other = _numbers(plain), _numbers(adaptive)
+    adaptive.Add(common)
+    adaptive.Add(_integral(kind, others, apex, ACCURACY))
+    one, other = _numbers(fixed_order), _numbers(adaptive)
     scale = (abs(other[0]), *([max(map(abs, other[1:]))] * 6))
-    return plain if all(abs(a - b) <= AGREEMENT * size for a, b, size in zip(one, other, scale, strict=True)) else adaptive
+    return fixed_order if all(abs(a - b) <= AGREEMENT * size for a, b, size in zip(one, other, scale, strict=True)) else adaptive
 
 
 def _numbers(properties: GProp_GProps) -> list[float]:

@@ -73,9 +73,9 @@ def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str
     farthest = float(np.abs(mesh.vertices).max())
     if farthest > FARTHEST:
         raise BadPartFile(f"a coordinate is {farthest:.3g} mm, which is too large for a part")
-    once, again = _once(mesh)
-    closed, mended = _close(once)
-    return closed, (*again, *mended)
+    unique, removed = _remove_duplicates(mesh)
+    closed, repairs = _close(unique)
+    return closed, (*removed, *repairs)
 
 
 def reads_with_trimesh(path: str) -> bool:
@@ -86,8 +86,8 @@ def reads_with_trimesh(path: str) -> bool:
 def _from_trimesh(path: str, suffix: str, data: bytes) -> Triangles:
     import trimesh
 
-    beside = trimesh.resolvers.FilePathResolver(path) if suffix == ".gltf" else None
-    scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], resolver=beside, process=False)
+    resolver = trimesh.resolvers.FilePathResolver(path) if suffix == ".gltf" else None
+    scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=suffix[1:], resolver=resolver, process=False)
     refuse_beyond(sum(len(getattr(scene.geometry[scene.graph[node][1]], "faces", ())) for node in scene.graph.nodes_geometry), MOST)
     corners = np.asarray(scene.triangles if scene.geometry else (), dtype=np.float64)
     return _weld(_finite(corners.reshape(-1, 3)))
@@ -111,24 +111,24 @@ def _finite(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 # --- surfaces that are open or duplicated ----------------------------------------------------------------------------
 
 
-def _once(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
+def _remove_duplicates(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
     """Remove duplicate triangles of a mesh. Return the mesh, and descriptions of the removed triangles.
 
     If all triangles occurred twice, the surface would be closed, but its volume would be doubled. Two equal triangles with opposite
     orientation are not duplicates, because such pairs occur between bodies that touch. A mesh that consists only of such pairs is one
     surface with two sides, so one triangle of each pair is removed.
     """
-    mended: list[str] = []
+    repairs: list[str] = []
     turns = (np.argmin(mesh.faces, axis=1)[:, None] + np.arange(3)) % 3
     _, first = np.unique(np.take_along_axis(mesh.faces, turns, axis=1), axis=0, return_index=True)
-    if more := len(mesh.faces) - len(first):
+    if duplicates := len(mesh.faces) - len(first):
         mesh = Triangles(mesh.vertices, mesh.faces[np.sort(first)])
-        mended.append(f"duplicate triangles removed: {more}")
+        repairs.append(f"duplicate triangles removed: {duplicates}")
     _, first = np.unique(np.sort(mesh.faces, axis=1), axis=0, return_index=True)
     if 2 * len(first) == len(mesh.faces):
         mesh = Triangles(mesh.vertices, mesh.faces[np.sort(first)])
-        mended.append(f"removed triangles that are equal but face the other way: {len(first)}")
-    return mesh, tuple(mended)
+        repairs.append(f"removed triangles that are equal but face the other way: {len(first)}")
+    return mesh, tuple(repairs)
 
 
 def _close(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
@@ -142,29 +142,29 @@ def _close(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
     if not first:
         return mesh, ()
     size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
-    mended: list[str] = []
+    repairs: list[str] = []
     digits = -math.floor(math.log10(NEAR * size)) if size > 0.0 else 9
     _, first_of, inverse = np.unique(np.round(mesh.vertices, digits) + 0.0, axis=0, return_index=True, return_inverse=True)
-    lost = len(mesh.vertices) - len(first_of)
-    if lost:
+    merged = len(mesh.vertices) - len(first_of)
+    if merged:
         mesh = without_slivers(mesh.vertices[first_of], np.asarray(inverse).reshape(-1)[mesh.faces])
-        mended.append(f"vertices merged within {10.0**-digits:.1g} mm: {lost}")
-    whole = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+        repairs.append(f"vertices merged within {10.0**-digits:.1g} mm: {merged}")
+    copy = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     if open_edges(mesh):
-        trimesh.repair.fix_winding(whole)  # type: ignore[no-untyped-call]
-        turned = int((np.asarray(whole.faces) != mesh.faces).any(axis=1).sum())
-        mesh = from_trimesh(whole)
-        mended += [f"triangles flipped: {turned}"] if turned else []
+        trimesh.repair.fix_winding(copy)  # type: ignore[no-untyped-call]
+        flipped = int((np.asarray(copy.faces) != mesh.faces).any(axis=1).sum())
+        mesh = from_trimesh(copy)
+        repairs += [f"triangles flipped: {flipped}"] if flipped else []
     if open_edges(mesh):
-        count = len(whole.faces)
-        trimesh.repair.fill_holes(whole)
-        filled = len(whole.faces) - count
-        mesh = from_trimesh(whole)
-        mended += [f"triangles added to fill holes: {filled}"] if filled else []
-    if left := open_edges(mesh):
-        rest = "" if left == first else f" ({left} after repair by trimesh)"
-        raise BadPartFile(f"its surface is not closed: {first} edges belong to only one triangle{rest}, so it has no volume")
-    return mesh, (f"its surface was not closed and was repaired ({', '.join(mended)})",)
+        count = len(copy.faces)
+        trimesh.repair.fill_holes(copy)
+        added = len(copy.faces) - count
+        mesh = from_trimesh(copy)
+        repairs += [f"triangles added to fill holes: {added}"] if added else []
+    if remaining := open_edges(mesh):
+        after_repair = "" if remaining == first else f" ({remaining} after repair by trimesh)"
+        raise BadPartFile(f"its surface is not closed: {first} edges belong to only one triangle{after_repair}, so it has no volume")
+    return mesh, (f"its surface was not closed and was repaired ({', '.join(repairs)})",)
 
 
 def open_edges(mesh: Triangles) -> int:
@@ -221,19 +221,19 @@ def _read_3mf(model: bytes) -> tuple[str, dict[str, _Object3mf]]:
     unit, last = "millimeter", _Object3mf()
     objects: dict[str, _Object3mf] = {_BUILD: last}
 
-    def start(tag: str, said: Mapping[str, str]) -> None:
+    def start(tag: str, values: Mapping[str, str]) -> None:
         nonlocal unit, last
         match tag.removeprefix(_CORE_3MF):
             case "model":
-                unit = said.get("unit", unit)
+                unit = values.get("unit", unit)
             case "object":
-                last = objects[said.get("id", "")] = _Object3mf()
+                last = objects[values.get("id", "")] = _Object3mf()
             case "vertex":
-                last.points.extend(float(said[key]) for key in ("x", "y", "z"))
+                last.points.extend(float(values[key]) for key in ("x", "y", "z"))
             case "triangle":
-                last.faces.extend(int(said[key]) for key in ("v1", "v2", "v3"))
+                last.faces.extend(int(values[key]) for key in ("v1", "v2", "v3"))
             case "component" | "item" as kind:
-                (last if kind == "component" else objects[_BUILD]).components.append((said.get("objectid", ""), said.get("transform")))
+                (last if kind == "component" else objects[_BUILD]).components.append((values.get("objectid", ""), values.get("transform")))
             case _:
                 pass
 
@@ -253,8 +253,8 @@ def _placed_3mf(objects: Mapping[str, _Object3mf], name: str, transform: NDArray
         moved = _finite(points) @ transform[:3] + transform[3]
         surfaces.append(_weld(moved[(faces[:, ::-1] if np.linalg.det(transform[:3]) < 0.0 else faces).ravel()]))
     for inner, text in item.components:
-        own = _affine(text)
-        combined = np.vstack([own[:3] @ transform[:3], own[3] @ transform[:3] + transform[3]])
+        component_transform = _affine(text)
+        combined = np.vstack([component_transform[:3] @ transform[:3], component_transform[3] @ transform[:3] + transform[3]])
         surfaces.extend(_placed_3mf(objects, inner, combined))
         refuse_beyond(sum(len(one.faces) for one in surfaces), MOST)
     return surfaces

@@ -61,8 +61,8 @@ class Triangles(FrozenStruct, kw_only=False):
 
 def without_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Triangles:
     """Remove triangles in which the same vertex occurs twice, and remove unused vertices."""
-    whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    faces = faces[whole]
+    distinct = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    faces = faces[distinct]
     used = np.zeros(len(vertices), dtype=bool)
     used[faces] = True
     return Triangles(vertices[used], (np.cumsum(used) - 1)[faces])
@@ -126,11 +126,11 @@ def merge_vertices(mesh: Triangles, decimals: int | None = None) -> Triangles:
     The coordinates of the result are 32-bit floats. If `decimals` is given, coordinates are instead rounded to this number of decimals.
     """
     single = mesh.vertices.astype(np.float32).astype(np.float64) + 0.0
-    firsts, numbers = _once(single)
+    firsts, numbers = _group_equal(single)
     return without_slivers(single if decimals is None else mesh.vertices.round(decimals) + 0.0, firsts[numbers][mesh.faces])
 
 
-def _once(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _group_equal(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Find equal points (n, 3), and number the distinct points.
 
     Return two arrays: the index of the first point in each group of equal points, sorted by x, y, z, and the number of the group of each

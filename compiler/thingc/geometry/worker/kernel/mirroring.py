@@ -55,10 +55,10 @@ class SolidMirror(Mirror):
         images = faces * np.array([1.0, x, y, z, 1.0, 1.0, 1.0, x * y, x * z, y * z])
         free = np.ones(len(faces), dtype=bool)
         for image in images:
-            near = np.flatnonzero(free & (np.abs(faces - image).max(axis=1) <= SAME * image[0]))
-            if len(near) == 0:
+            matches = np.flatnonzero(free & (np.abs(faces - image).max(axis=1) <= SAME * image[0]))
+            if len(matches) == 0:
                 return False
-            free[near[0]] = False
+            free[matches[0]] = False
         return True
 
 

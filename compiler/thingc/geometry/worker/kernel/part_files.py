@@ -31,8 +31,8 @@ def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tup
     if suffix in (".brep", ".brp"):
         return [_scale(_from_brep(path), unit)], set(), ()
     if suffix in SUFFIXES:
-        mesh, mended = read_mesh(path, suffix, unit)
-        return solids_from(mesh), set(), mended
+        mesh, repairs = read_mesh(path, suffix, unit)
+        return solids_from(mesh), set(), repairs
     raise BadPartFile(f"`{suffix or path}` is not a supported part format")
 
 
@@ -56,13 +56,13 @@ def _from_step(path: str) -> tuple[list[TopoDS_Shape], set[str]]:
     from build123d import import_step
 
     try:
-        whole = import_step(path)
+        imported = import_step(path)
     except Exception as fault:
         raise BadPartFile("the file is damaged, or is not STEP") from fault
-    shape = kernel_shape(whole)
+    shape = kernel_shape(imported)
     if shape is None:
         raise BadPartFile("the STEP file contains no shape")
-    return [shape], {hexadecimal(node.color) for node in (whole, *whole.descendants) if getattr(node, "color", None) is not None}
+    return [shape], {hexadecimal(node.color) for node in (imported, *imported.descendants) if getattr(node, "color", None) is not None}
 
 
 def _from_brep(path: str) -> TopoDS_Shape:
@@ -105,9 +105,9 @@ def solids_from(mesh: Triangles) -> list[TopoDS_Shape]:
     pieces.sort(key=lambda piece: -abs(piece.volume))
     bodies: list[tuple[Triangles, list[Triangles]]] = []
     for piece in pieces:
-        around = [body for body in bodies if _contains(body[0], piece)] if piece.volume < 0.0 else []
-        if around:
-            around[-1][1].append(piece)
+        containing = [body for body in bodies if _contains(body[0], piece)] if piece.volume < 0.0 else []
+        if containing:
+            containing[-1][1].append(piece)
         else:
             bodies.append((piece.outward(), []))
     return [_solid(body, voids) for body, voids in bodies]

@@ -109,7 +109,7 @@ def _box(planes: list[_Line], size: float) -> Primitive | None:
     middles: list[float] = []
     halves: list[float] = []
     for axis, (_, points) in zip(axes, pairs, strict=True):
-        ends = _two((dot(point, axis) for point in points), size)
+        ends = _two_ends((dot(point, axis) for point in points), size)
         if ends is None:
             return None
         middles.append((ends[0] + ends[1]) / 2.0)
@@ -121,14 +121,14 @@ def _box(planes: list[_Line], size: float) -> Primitive | None:
 
 
 def _cylinder(cylinders: list[tuple[_Line, float]], planes: list[_Line], size: float) -> Primitive | None:
-    side = _side(cylinders, size)
+    side = _common_axis(cylinders, size)
     if side is None or not all(_parallel(normal, side[0][1]) for _, normal in planes):
         return None
     return _round("cylinder", *side, (point for point, _ in planes), size)
 
 
 def _capsule(cylinders: list[tuple[_Line, float]], spheres: list[tuple[Vector, float]], size: float) -> Primitive | None:
-    side = _side(cylinders, size)
+    side = _common_axis(cylinders, size)
     if side is None:
         return None
     (point, axis), radius = side
@@ -140,7 +140,7 @@ def _capsule(cylinders: list[tuple[_Line, float]], spheres: list[tuple[Vector, f
 def _round(shape: PrimitiveShape, line: _Line, radius: float, ends: Iterable[Vector], size: float) -> Primitive | None:
     """Create a cylinder or a capsule around a line. `ends` contains points of its planes, or the centres of its spheres."""
     point, axis = line
-    interval = _two((dot(add_scaled(end, point, -1.0), axis) for end in ends), size)
+    interval = _two_ends((dot(add_scaled(end, point, -1.0), axis) for end in ends), size)
     if interval is None:
         return None
     low, high = interval
@@ -154,7 +154,7 @@ def _sphere(spheres: list[tuple[Vector, float]], size: float) -> Primitive | Non
     return _make_primitive("sphere", (radius,), IDENTITY, centre)
 
 
-def _side(cylinders: list[tuple[_Line, float]], size: float) -> tuple[_Line, float] | None:
+def _common_axis(cylinders: list[tuple[_Line, float]], size: float) -> tuple[_Line, float] | None:
     """Return the common axis of all cylinders, which points up, and their common radius. Return None if the cylinders do not have the same
     axis and radius.
     """
@@ -166,7 +166,7 @@ def _side(cylinders: list[tuple[_Line, float]], size: float) -> tuple[_Line, flo
     return (point, axis if up else scale_vector(axis, -1.0)), radius
 
 
-def _two(places: Iterable[float], size: float) -> tuple[float, float] | None:
+def _two_ends(places: Iterable[float], size: float) -> tuple[float, float] | None:
     """Merge equal positions on a line. If two positions remain, return the lower and the upper position.
 
     Otherwise, return None.

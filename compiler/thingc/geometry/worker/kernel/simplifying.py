@@ -103,16 +103,16 @@ def _farthest(points: NDArray[np.float64], surface: Triangles) -> float:
     from scipy.spatial import cKDTree
 
     mesh = trimesh.Trimesh(surface.vertices, surface.faces, process=False)
-    samples, of = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)
+    samples, owners = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)
     corners = surface.vertices[surface.faces]
     tree = cKDTree(np.concatenate([samples, corners.mean(axis=1)]))
-    triangles = np.concatenate([of, np.arange(len(corners))])
+    triangles = np.concatenate([owners, np.arange(len(corners))])
 
     def point_distances(points: NDArray[np.float64], neighbours: int) -> NDArray[np.float64]:
         nearest = triangles[tree.query(points, k=neighbours)[1]].reshape(-1)
-        asked = np.repeat(points, neighbours, axis=0)
-        there = trimesh.triangles.closest_point(corners[nearest], asked)  # type: ignore[no-untyped-call]
-        return np.asarray(np.linalg.norm(there - asked, axis=1).reshape(-1, neighbours).min(axis=1))
+        repeated = np.repeat(points, neighbours, axis=0)
+        closest = trimesh.triangles.closest_point(corners[nearest], repeated)  # type: ignore[no-untyped-call]
+        return np.asarray(np.linalg.norm(closest - repeated, axis=1).reshape(-1, neighbours).min(axis=1))
 
     distances = point_distances(points, FEW)
     doubtful = np.argsort(distances, kind="stable")[-AGAIN:]

@@ -200,33 +200,33 @@ class _Slicer:
     def __init__(self, how: Slicing, lengths: _Lengths) -> None:
         self.how = how
         self.lengths = lengths
-        self.once = _Once()
+        self.cached = _RegionCache()
 
-    def layers(self, outlines: list[Region]) -> list[_Laid]:
+    def layers(self, outlines: list[Region]) -> list[_LayerMaterial]:
         """Return the printed material of each layer."""
-        once = self.once
+        cached = self.cached
         above = [*outlines[1:], NOTHING]
         below = [NOTHING, *outlines[:-1]]
-        cores = [once(self.core, outline) for outline in outlines]
-        filled = [once(self.infill_region, core) for core in cores]
-        bottoms = [once(self.opening, *pair) for pair in zip(outlines, below, strict=True)]
-        tops = [once(self.uncovered_region, *both) for both in zip(outlines, above, bottoms, strict=True)]
-        kinds = [once(self.kinds, *three) for three in zip(filled, tops, bottoms, strict=True)]
-        lids = [once(_either, top, kind.top) for top, kind in zip(tops, kinds, strict=True)]
-        floors = [once(_either, bottom, kind.bottom) for bottom, kind in zip(bottoms, kinds, strict=True)]
+        cores = [cached(self.core, outline) for outline in outlines]
+        filled = [cached(self.infill_region, core) for core in cores]
+        bottoms = [cached(self.opening, *pair) for pair in zip(outlines, below, strict=True)]
+        tops = [cached(self.uncovered_region, *both) for both in zip(outlines, above, bottoms, strict=True)]
+        kinds = [cached(self.kinds, *three) for three in zip(filled, tops, bottoms, strict=True)]
+        lids = [cached(_either, top, kind.top) for top, kind in zip(tops, kinds, strict=True)]
+        floors = [cached(_either, bottom, kind.bottom) for bottom, kind in zip(bottoms, kinds, strict=True)]
         solid = [
-            once(
+            cached(
                 self.shells, kind.inside, kind.small,
                 *(lid for lid in lids[index + 1 : index + self.how.top] if not lid.is_empty()),
                 *(floor for floor in floors[max(0, index + 1 - self.how.bottom) : index] if not floor.is_empty()),
             )
             for index, kind in enumerate(kinds)
         ]
-        sparse = [once(_subtract, kind.inside, one) for kind, one in zip(kinds, solid, strict=True)]
-        walls = [once(self.walls, outline, core) for outline, core in zip(outlines, cores, strict=True)]
+        sparse = [cached(_subtract, kind.inside, one) for kind, one in zip(kinds, solid, strict=True)]
+        walls = [cached(self.walls, outline, core) for outline, core in zip(outlines, cores, strict=True)]
         return [
-            once(
-                self.lay, walls[index], inside, kind, sparse[index], below[index] if index else None,
+            cached(
+                self.layer_material, walls[index], inside, kind, sparse[index], below[index] if index else None,
                 *sparse[max(0, index - self.lengths.spanned) : index],
             )
             for index, (kind, inside) in enumerate(zip(kinds, solid, strict=True))
@@ -235,8 +235,8 @@ class _Slicer:
     def core(self, outline: Region) -> Region:
         """Return the region inside the walls of a layer. Parts of this region that are narrower than a line are removed."""
         lengths = self.lengths
-        left = _grow(outline, -(lengths.rounding + self.how.walls * lengths.spacing))
-        return _remove_narrow(left, lengths.spacing / 2.0)
+        inside = _grow(outline, -(lengths.rounding + self.how.walls * lengths.spacing))
+        return _remove_narrow(inside, lengths.spacing / 2.0)
 
     def walls(self, outline: Region, core: Region) -> Region:
         """Return the region that the walls cover. The region is smaller than the outline, because lines have round corners."""
@@ -255,29 +255,29 @@ class _Slicer:
         """Return the region of a layer that the layer above does not cover. A region that is open above and below counts as bottom."""
         return _subtract(self.opening(outline, above), bottom)
 
-    def kinds(self, filled: Region, top: Region, bottom: Region) -> _Kinds:
+    def kinds(self, filled: Region, top: Region, bottom: Region) -> _InfillRegions:
         """Return the infill regions of a layer, grouped by kind."""
         within = _subtract(_subtract(filled, top), bottom)
-        wide_bottom = self.around(bottom, filled)
-        wide_top = _subtract(self.around(top, filled), wide_bottom)
+        wide_bottom = self.solid_around(bottom, filled)
+        wide_top = _subtract(self.solid_around(top, filled), wide_bottom)
         open_somewhere = _either(wide_bottom, wide_top)
         small = [piece for piece in within.decompose() if piece.area() <= SOLID_BELOW]
-        return _Kinds(
+        return _InfillRegions(
             top=wide_top, bottom=wide_bottom, inside=_subtract(within, open_somewhere),
             small=_subtract(CrossSection.compose(small), open_somewhere) if small else NOTHING,
         )
 
-    def around(self, opening: Region, filled: Region) -> Region:
+    def solid_around(self, opening: Region, filled: Region) -> Region:
         """Return the region that is solid because of an opening. The solid region consists of the opening and a margin around it."""
-        there = _both(opening, filled)
-        if there.is_empty():
+        inside = _both(opening, filled)
+        if inside.is_empty():
             return NOTHING
-        beside = self.opening(filled, there)
-        if beside.is_empty():
+        outside = self.opening(filled, inside)
+        if outside.is_empty():
             return filled
-        x, y, u, v = beside.bounds()
-        near = CrossSection.square((u - x + 4.0 * AROUND, v - y + 4.0 * AROUND)).translate((x - 2.0 * AROUND, y - 2.0 * AROUND))
-        return _either(there, _both(_grow(_both(there, near), AROUND, JoinType.Square), filled))  # growing the whole layer is slow
+        x, y, u, v = outside.bounds()
+        box = CrossSection.square((u - x + 4.0 * AROUND, v - y + 4.0 * AROUND)).translate((x - 2.0 * AROUND, y - 2.0 * AROUND))
+        return _either(inside, _both(_grow(_both(inside, box), AROUND, JoinType.Square), filled))  # growing the whole layer is slow
 
     def shells(self, inside: Region, small: Region, *lids: Region) -> Region:
         """Return the inner region of a layer that is printed solid. The solid region consists of small pieces, and of the regions below or
@@ -285,7 +285,7 @@ class _Slicer:
         """
         regions = [small]
         for lid in lids:
-            regions += self.once(self.shell, inside, lid)
+            regions += self.cached(self.shell, inside, lid)
         return CrossSection.batch_boolean(regions, OpType.Add) if len(regions) > 1 else small
 
     def shell(self, inside: Region, lid: Region) -> tuple[Region, Region]:
@@ -305,33 +305,35 @@ class _Slicer:
 
         In this region, all layers through which the strands of the bridge pass must be sparse.
         """
-        over = solid
+        above_sparse = solid
         for sparse in below:
-            over = _both(over, sparse)
-        return _both(_remove_narrow(over, ANCHOR * self.lengths.strand), solid) if below else NOTHING
+            above_sparse = _both(above_sparse, sparse)
+        return _both(_remove_narrow(above_sparse, ANCHOR * self.lengths.strand), solid) if below else NOTHING
 
     def overhang(self, walls: Region, below: Region) -> Region:
         """Return the part of the walls of a layer that the layer below does not support."""
         return _subtract(walls, _grow(below, self.lengths.nozzle / 2.0))
 
-    def lay(self, walls: Region, inside: Region, kind: _Kinds, sparse: Region, below: Region | None, *spanned: Region) -> _Laid:
+    def layer_material(
+        self, walls: Region, inside: Region, kind: _InfillRegions, sparse: Region, below: Region | None, *spanned: Region,
+    ) -> _LayerMaterial:
         """Return the printed material of a layer.
 
         `below` is the outline of the layer below, or None above the print bed. `spanned` contains the sparse regions of the layers through
         which the strands of a bridge pass.
         """
-        once, lengths = self.once, self.lengths
+        cached, lengths = self.cached, self.lengths
         lines = _grow(sparse, -lengths.spacing / 2.0)  # the region of the lines of sparse infill
         if below is None:
-            return _Laid(solid=((1.0, walls), (1.0, inside), (1.0, kind.top), (1.0, kind.bottom)), lines=lines)
-        over, bridge = once(self.overhang, walls, below), once(self.bridge, inside, *spanned)
-        return _Laid(lines=lines, solid=(
+            return _LayerMaterial(solid=((1.0, walls), (1.0, inside), (1.0, kind.top), (1.0, kind.bottom)), lines=lines)
+        overhang, bridge = cached(self.overhang, walls, below), cached(self.bridge, inside, *spanned)
+        return _LayerMaterial(lines=lines, solid=(
             (1.0, walls), (1.0, inside), (1.0, kind.top), (lengths.bridge, kind.bottom),
-            (lengths.overhang - 1.0, over), (lengths.bridge - 1.0, bridge),
+            (lengths.overhang - 1.0, overhang), (lengths.bridge - 1.0, bridge),
         ))
 
 
-class _Kinds(FrozenStruct):
+class _InfillRegions(FrozenStruct):
     """The infill regions of a layer by kind. The kinds are the regions that are open above or below (with their margins), the inner region,
     and its small pieces.
     """
@@ -342,7 +344,7 @@ class _Kinds(FrozenStruct):
     small: Region
 
 
-class _Laid(FrozenStruct):
+class _LayerMaterial(FrozenStruct):
     """The printed material of one layer.
 
     `solid` contains regions, each with the amount of material relative to a region that is completely filled. `lines` is the region that
@@ -353,7 +355,7 @@ class _Laid(FrozenStruct):
     lines: Region
 
 
-class _Once:
+class _RegionCache:
     """A cache for pure functions. The cache keys are the identities of the arguments. The cache also stores references to the arguments, so
     that their identities remain valid.
     """
@@ -422,21 +424,21 @@ If a region is missing, its integrals are zero.
 """
 
 
-def _flat(layers: list[_Laid], joined: float) -> NDArray[np.float64]:
+def _flat(layers: list[_LayerMaterial], join_width: float) -> NDArray[np.float64]:
     """Compute the integrals of 1, x, y, xx, xy and yy over the material of each layer, as an array (n, 3, 6).
 
-    The second axis contains solid material, joins and sparse lines at 100 % infill. Joins are `joined` [mm] wide, along the border of the
-    lines.
+    The second axis contains solid material, joins and sparse lines at 100 % infill. Joins are `join_width` [mm] wide, along the border of
+    the lines.
     """
     every = [region for layer in layers for region in (layer.lines, *(region for _, region in layer.solid))]
-    over, along = _integrals(every, border=False), _integrals([layer.lines for layer in layers], border=True)
+    areas, borders = _integrals(every, border=False), _integrals([layer.lines for layer in layers], border=True)
     nothing = np.zeros(6)
     flat = np.zeros((len(layers), 3, 6))
     for layer, of_layer in zip(layers, flat, strict=True):
         for factor, region in layer.solid:
-            of_layer[0] += factor * over.get(id(region), nothing)
-        of_layer[1] = joined * along.get(id(layer.lines), nothing)
-        of_layer[2] = over.get(id(layer.lines), nothing)
+            of_layer[0] += factor * areas.get(id(region), nothing)
+        of_layer[1] = join_width * borders.get(id(layer.lines), nothing)
+        of_layer[2] = areas.get(id(layer.lines), nothing)
     return flat
 
 
@@ -445,10 +447,10 @@ def _integrals(regions: list[Region], *, border: bool) -> _Integrals:
 
     The integrals of all regions are computed at once, by applying Green's theorem to their edges.
     """
-    whole = [region for region in {id(region): region for region in regions}.values() if not region.is_empty()]
-    if not whole:
+    distinct = [region for region in {id(region): region for region in regions}.values() if not region.is_empty()]
+    if not distinct:
         return {}
-    rings = [[np.asarray(ring, dtype=np.float64) for ring in region.to_polygons()] for region in whole]
+    rings = [[np.asarray(ring, dtype=np.float64) for ring in region.to_polygons()] for region in distinct]
     corners = np.concatenate([ring for some in rings for ring in some])
     ends = np.cumsum([len(ring) for some in rings for ring in some])
     following = np.arange(1, len(corners) + 1)
@@ -460,7 +462,7 @@ def _integrals(regions: list[Region], *, border: bool) -> _Integrals:
     ])
     sizes = [sum(map(len, some)) for some in rings]
     sums = np.add.reduceat(terms, np.cumsum([0, *sizes[:-1]]), axis=1).T / divisors
-    return {id(region): some for region, some in zip(whole, sums, strict=True)}
+    return {id(region): some for region, some in zip(distinct, sums, strict=True)}
 
 
 def _integrate_layers(flat: NDArray[np.float64], middles: NDArray[np.float64], layer: float) -> NDArray[np.float64]:

@@ -121,23 +121,23 @@ def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Stor
         brep, color = instance["brep"], _color(instance["color"])
         if brep not in compounds:
             compounds[brep] = load_shape(store, brep).ShapeType() == TopAbs_COMPOUND
-        several = compounds[brep]
+        is_compound = compounds[brep]
         # STEP assigns styles to solids, not to compounds: for several solids, the colour belongs to the definition
-        shared = f"{instance['definition']} {brep} {instance['color'] if several else ''}"
+        shared = f"{instance['definition']} {brep} {instance['color'] if is_compound else ''}"
         if shared not in definitions:
             shape = load_shape(store, brep)
             label = shapes.AddShape(shape, False)
             _name(label, instance["definition"])
             definitions[shared] = label
             children = TopoDS_Iterator(shape)
-            while several and color is not None and children.More():
+            while is_compound and color is not None and children.More():
                 colors.SetColor(shapes.AddSubShape(label, children.Value()), color, XCAFDoc_ColorType.XCAFDoc_ColorSurf)
                 children.Next()
         outer, _, own = instance["path"].rpartition("/")
         placed = TopLoc_Location(transformation(convert(instance["pose"], Pose)))
         component = shapes.AddComponent(group(outer), definitions[shared], placed)
         _name(component, own)
-        if color is not None and not several:
+        if color is not None and not is_compound:
             colors.SetColor(component, color, XCAFDoc_ColorType.XCAFDoc_ColorSurf)
     shapes.UpdateAssemblies()
 

@@ -24,9 +24,9 @@ def without_noise(data: bytes) -> bytes:
     """Replace every number below 1e-14 in a STEP file by 0. The numbers are coordinates [mm] or components of directions."""
     texts = data.split(b"'")
     for index in range(0, len(texts), 2):  # every second piece is a quoted string; a quote in a string is doubled
-        *before, rest = _NOISE.split(texts[index])
+        *before, last = _NOISE.split(texts[index])
         if before:
-            texts[index] = b"".join(number.rstrip(b".0123456789").removesuffix(b"-") + b"0." for number in before) + rest
+            texts[index] = b"".join(number.rstrip(b".0123456789").removesuffix(b"-") + b"0." for number in before) + last
     return b"'".join(texts)
 
 
@@ -97,13 +97,13 @@ class _Order:
         named = {int(one) for body in self.entities.values() for one in _numbers(body)}
         roots = sorted((number for number in self.entities if number not in named), key=lambda number: self.keys[number])
         numbers: dict[int, int] = {}
-        waiting = list(reversed(roots))
-        while waiting:
-            number = waiting.pop()
+        to_visit = list(reversed(roots))
+        while to_visit:
+            number = to_visit.pop()
             if number in numbers or number not in self.entities:
                 continue
             numbers[number] = first + len(numbers)
-            waiting.extend(reversed([int(one) for one in _numbers(self.entities[number])]))
+            to_visit.extend(reversed([int(one) for one in _numbers(self.entities[number])]))
 
         def renumber(match: re.Match[bytes]) -> bytes:
             if match[1] is None or int(match[1]) not in numbers:

@@ -54,18 +54,18 @@ def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
     """
     numbers = ShapeMap()
     faces = [_face(TopoDS.Face(face), numbers) for face in subshapes(shape, TopAbs_FACE)]
-    bent = {number for face in faces if not face.plane for number in face.numbers}
+    curved_edges = {number for face in faces if not face.plane for number in face.numbers}
     filled = [
-        face.plane and all(number in bent or _straight(edge) for edge, number in zip(face.edges, face.numbers, strict=True))
+        face.plane and all(number in curved_edges or _straight(edge) for edge, number in zip(face.edges, face.numbers, strict=True))
         for face in faces
     ]
     if any(filled):
         mesh = _mesh_shape(shape, faces, filled, linear, angular)
         if mesh is not None:
             return mesh
-    whole = _mesh_shape(shape, faces, [False] * len(faces), linear, angular)
-    assert whole is not None
-    return whole
+    kernel_mesh = _mesh_shape(shape, faces, [False] * len(faces), linear, angular)
+    assert kernel_mesh is not None
+    return kernel_mesh
 
 
 class _Face(FrozenStruct, kw_only=False):
@@ -150,9 +150,9 @@ class _Points:
             if len(known) == len(chain):
                 self.ones += known
                 self.others += chain
-        turned = (face.face.Orientation() == TopAbs_REVERSED) != (moved is not None and moved.IsNegative())
+        reversed_face = (face.face.Orientation() == TopAbs_REVERSED) != (moved is not None and moved.IsNegative())
         corners = np.array([triangle.Get() for triangle in map(mesh.Triangle, range(1, mesh.NbTriangles() + 1))], dtype=np.int64)
-        return np.asarray(corners.reshape(-1, 3)[:, (0, 2, 1) if turned else (0, 1, 2)] + offset)
+        return np.asarray(corners.reshape(-1, 3)[:, (0, 2, 1) if reversed_face else (0, 1, 2)] + offset)
 
     def rings(self, face: _Face) -> list[list[int]] | None:
         """Return the boundaries of a plane face and of its holes, as lists of point numbers.
@@ -232,22 +232,22 @@ def _flip_edges(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> NDAr
     corners = triangles.tolist()
     of_side = {(one[k - 1], one[k]): number for number, one in enumerate(corners) for k in range(3)}
     while thin:
-        left = []
+        still_thin = []
         for number in thin:
             longest = int(sides[number].argmax())
             c, a, b = (corners[number][(longest + k) % 3] for k in range(3))
             other = of_side.get((a, c))
             if other is None or other in thin:  # the last of several collinear triangles is flipped first
-                left.append(number)
+                still_thin.append(number)
                 continue
             (d,) = {*corners[other]} - {a, c}
             corners[number], corners[other] = [a, b, d], [b, c, d]
             of_side |= {(d, a): number, (b, d): number, (b, c): other, (d, b): other, (c, d): other}
-        if len(left) == len(thin):
+        if len(still_thin) == len(thin):
             break
-        thin = left
-    made = np.array(corners, dtype=np.int64)
-    return made if _areas(made, flat)[0].min() > 0.0 else None
+        thin = still_thin
+    flipped = np.array(corners, dtype=np.int64)
+    return flipped if _areas(flipped, flat)[0].min() > 0.0 else None
 
 
 def _areas(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -280,15 +280,15 @@ def merge_vertices(count: int, ones: Sequence[int], others: Sequence[int]) -> ND
     The vertices `ones[i]` and `others[i]` are merged.
     """
     a, b = np.array(ones, dtype=np.int64), np.array(others, dtype=np.int64)
-    stands = np.arange(count)
+    lowest_index = np.arange(count)
     while True:  # each iteration at least doubles the distance over which the lowest number has spread
-        lowest = np.minimum(stands[a], stands[b])
-        fewer = stands.copy()
-        np.minimum.at(fewer, stands[a], lowest)
-        np.minimum.at(fewer, stands[b], lowest)
+        lowest = np.minimum(lowest_index[a], lowest_index[b])
+        fewer = lowest_index.copy()
+        np.minimum.at(fewer, lowest_index[a], lowest)
+        np.minimum.at(fewer, lowest_index[b], lowest)
         np.minimum.at(fewer, a, lowest)
         np.minimum.at(fewer, b, lowest)
         fewer = fewer[fewer]
-        if np.array_equal(fewer, stands):
-            return stands
-        stands = fewer
+        if np.array_equal(fewer, lowest_index):
+            return lowest_index
+        lowest_index = fewer
