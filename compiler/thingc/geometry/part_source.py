@@ -106,8 +106,7 @@ def report_gaps(parts: PartSource, report: Report, *, severity: Severity = Sever
     labels = sorted(set(parts.unknown))
     if not labels:
         return
-    what = "1 part has" if len(labels) == 1 else f"{len(labels)} parts have"
-    their = "its" if len(labels) == 1 else "their"
+    what, their = ("1 part has", "its") if len(labels) == 1 else (f"{len(labels)} parts have", "their")
     more = [Note(message=f"and {len(labels) - SHOWN} more")] if len(labels) > SHOWN else []
     report.add(
         Code.NOT_LOOKED_AT, f"{what} parameters or a process that `{LOCK_FILE}` does not contain: {their} geometry was not checked",

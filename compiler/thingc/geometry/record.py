@@ -91,14 +91,11 @@ class PartSchema(OneLineRepr, FrozenStruct):
     @property
     def default(self) -> PartDefinition | None:
         """The definition of the part with default values for all parameters, or None if a parameter has no default."""
-        values: list[tuple[str, Value]] = []
-        for parameter in self.parameters:
-            if parameter.default is None:
-                return None
-            values.append((parameter.name, parameter.default))
-        return PartDefinition(
-            reference=self.reference, kind="code", parameters=tuple(sorted(values)), text=self.reference, label=self.reference,
-        )
+        defaults = self.defaults
+        if len(defaults) < len(self.parameters):
+            return None
+        parameters = tuple(sorted(defaults.items()))
+        return PartDefinition(reference=self.reference, kind="code", parameters=parameters, text=self.reference, label=self.reference)
 
     @property
     def defaults(self) -> dict[str, Value]:
@@ -107,12 +104,12 @@ class PartSchema(OneLineRepr, FrozenStruct):
 
     def definition(self, values: Mapping[str, Value]) -> PartDefinition:
         """Create a part definition from values for all parameters. The values are in SI units."""
-        kinds = {parameter.name: parameter.kind for parameter in self.parameters}
+        kinds, defaults = {parameter.name: parameter.kind for parameter in self.parameters}, self.defaults
         parameters = tuple(sorted(values.items()))
         words = {name: format_value(kinds[name], value, LABEL_DIGITS) for name, value in parameters}
         return PartDefinition(
-            reference=self.reference, kind="code", parameters=parameters, text=definition_text(self.reference, values, self.defaults),
-            words=tuple(words.values()), label=definition_label(self.reference, values, self.defaults, words),
+            reference=self.reference, kind="code", parameters=parameters, text=definition_text(self.reference, values, defaults),
+            words=tuple(words.values()), label=definition_label(self.reference, values, defaults, words),
         )
 
 

@@ -19,6 +19,7 @@ from thingc.geometry.mesh_bounds import LARGEST, BadMesh, damaged_file_error, is
 from thingc.geometry.meshes.files import MeshFile, MeshPiece, MeshRecord
 from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Store
+from thingc.geometry.worker.kernel.meshing import Triangles, obj
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -209,7 +210,7 @@ def _store_mesh(corners: NDArray[np.float64], store: Store) -> tuple[Mesh, MassP
     faces = faces[(faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])]
     if len(faces) == 0:
         raise BadMesh("contains no triangle with an area")
-    closed, matter, flipped = _is_closed(faces, len(vertices)), None, False
+    closed, matter, flipped = Triangles(vertices, faces).closed, None, False
     flat = _is_flat(vertices)
     if closed and not flat:
         properties: Any = trimesh.triangles.mass_properties(vertices[faces], density=1.0, skip_inertia=False)
@@ -220,8 +221,7 @@ def _store_mesh(corners: NDArray[np.float64], store: Store) -> tuple[Mesh, MassP
         inertia = tuple(tuple(float(x) for x in row) for row in properties.inertia)
         x, y, z = (float(one) for one in properties.center_mass)
         matter = MassProperties(mass=float(properties.volume), centre=(x, y, z), inertia=symmetric(inertia))  # type: ignore[arg-type]
-    text = ("v %.9g %.9g %.9g\n" * len(vertices)) % tuple(vertices.ravel()) + ("f %d %d %d\n" * len(faces)) % tuple((faces + 1).ravel())
-    data = text.encode()
+    data = obj(Triangles(vertices, faces))
     mesh = Mesh(sha256=store.put(data), size=len(data), vertices=len(vertices), faces=len(faces), closed=closed, flat=flat)
     return mesh, matter, flipped
 
@@ -240,12 +240,6 @@ def _equal_rows(points: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray
     if not np.array_equal(points[first][inverse], points):
         _, first, inverse = np.unique(points, axis=0, return_index=True, return_inverse=True)
     return first, np.asarray(inverse).reshape(-1)
-
-
-def _is_closed(faces: NDArray[np.int64], count: int) -> bool:
-    """Return whether a triangle mesh is closed: each edge occurs exactly once in each direction."""
-    a, b = faces.ravel(), faces[:, (1, 2, 0)].ravel()
-    return bool(np.array_equal(np.sort(a * count + b), np.sort(b * count + a)))
 
 
 def _is_flat(vertices: NDArray[np.float64]) -> bool:

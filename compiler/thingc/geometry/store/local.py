@@ -22,7 +22,7 @@ import stat
 import sys
 from typing import Any
 
-from thingc.base.filesystem import hash_name
+from thingc.base.filesystem import BINARY, hash_name, write_new
 
 SEALED = 946_684_800
 """Modification time [s] of every complete blob (2000-01-01).
@@ -180,12 +180,10 @@ class Store:
         temporary = f"{path}.{os.getpid()}-{os.urandom(6).hex()}"
         try:
             try:
-                descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o644)
+                write_new(temporary, data, 0o644)
             except FileNotFoundError:
                 os.makedirs(os.path.dirname(path), exist_ok=True)
-                descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o644)
-            with open(descriptor, "wb") as stream:
-                stream.write(data)
+                write_new(temporary, data, 0o644)
             if seal:
                 os.utime(temporary, (SEALED, SEALED))
             os.replace(temporary, path)
@@ -254,7 +252,7 @@ class Outbox(Store):
 
         The process that wrote the outbox must have ended before this call. Raises `StoreUnusable` if the store is not writable.
         """
-        flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+        flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | BINARY
         try:
             descriptor = os.open(self._path, flags)
         except OSError:  # no blobs were written

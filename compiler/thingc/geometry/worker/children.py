@@ -171,7 +171,7 @@ class Child:
         own_command, commands = process_tree.command(self.process), {one: process_tree.command(one) for one in started}
         self._kill(signal.SIGKILL)
         outliving = process_tree.outliving(started, FAREWELL)
-        kill_group(self.process)
+        process_tree.signal_group(self.process, signal.SIGKILL)
         if self.status is None:
             with contextlib.suppress(ChildProcessError):
                 os.waitpid(self.process, 0)
@@ -209,12 +209,6 @@ def end_text(status: int | None) -> str:
         except ValueError:
             return f"killed by signal {number}"
     return f"it exited the interpreter with status {os.WEXITSTATUS(status)}"
-
-
-def kill_group(process: int) -> None:
-    """Kill the process group of a child, even if the child has ended."""
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(process, signal.SIGKILL)
 
 
 def die_with_parent(parent: int) -> None:

@@ -74,8 +74,8 @@ def _default_material(part: Any) -> str | None:
             return None
         for node in ast.walk(tree):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "__init__":
-                values = [keyword.value for keyword in node.keywords if keyword.arg == "material"]
-                for value in values:
+                value = next((keyword.value for keyword in node.keywords if keyword.arg == "material"), None)
+                if value is not None:
                     return value.value if isinstance(value, ast.Constant) and isinstance(value.value, str) else None
     return None
 

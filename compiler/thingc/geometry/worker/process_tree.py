@@ -111,12 +111,17 @@ def stop(process: int) -> None:
         return
     last = time.monotonic() + PATIENCE
     stopped: set[int] = set()
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(process, signal.SIGSTOP)
+    signal_group(process, signal.SIGSTOP)
     while (running := [one for one in (process, *descendants(process)) if one not in stopped]) and time.monotonic() < last:
         for one in running:
             _signal(one, signal.SIGSTOP)
         stopped.update(running)
+
+
+def signal_group(process: int, number: signal.Signals) -> None:
+    """Send a signal to a process group, even if the process that leads the group has ended."""
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(process, number)
 
 
 def end_descendants(process: int) -> None:
