@@ -19,7 +19,7 @@ def getattr_of(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]
     def get(name: str) -> Any:
         if name not in modules:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        module, _, own = modules[name].partition(":")
-        return getattr(import_module(f"{package}.{module}"), own or name)
+        module, _, original_name = modules[name].partition(":")
+        return getattr(import_module(f"{package}.{module}"), original_name or name)
 
     return get

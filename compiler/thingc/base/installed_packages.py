@@ -22,9 +22,9 @@ def import_path() -> tuple[str, ...]:
     """
     entries = list(sys.path)
     if entries and not getattr(sys.flags, "safe_path", False):
-        here = working_folder() or os.sep
-        script = os.path.dirname(os.path.join(here, getattr(sys.modules.get("__main__"), "__file__", None) or "."))
-        if entries[0] in ("", here, script, os.path.realpath(script)):
+        working = working_folder() or os.sep
+        script = os.path.dirname(os.path.join(working, getattr(sys.modules.get("__main__"), "__file__", None) or "."))
+        if entries[0] in ("", working, script, os.path.realpath(script)):
             entries = entries[1:]
     return tuple(entry for entry in entries if entry)
 
@@ -42,11 +42,11 @@ def specification_of(name: str) -> importlib.machinery.ModuleSpec | None:
         for finder in sys.meta_path:
             if not getattr(finder, "of_parts", False) and finder not in _PYTHONS_OWN:
                 try:
-                    own = finder.find_spec(name, None)
+                    found = finder.find_spec(name, None)
                 except Exception:
                     continue
-                if own is not None:
-                    return own
+                if found is not None:
+                    return found
     return specification
 
 
@@ -63,11 +63,11 @@ def dotted_name(file: str) -> str:
     The name does not depend on the folder in which the package is installed.
     """
     folder, name = os.path.split(without_suffix(file))
-    words = [name]
+    names = [name]
     while os.path.isfile(os.path.join(folder, "__init__.py")):
         folder, name = os.path.split(folder)
-        words.insert(0, name)
-    return ".".join(words)
+        names.insert(0, name)
+    return ".".join(names)
 
 
 def distribution_versions(folders: Iterable[str]) -> dict[str, str]:

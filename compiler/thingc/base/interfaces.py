@@ -113,11 +113,11 @@ class Bolts(MountFeature, kw_only=False):
     def check_lengths(self) -> None:
         """Raise `ValueError` if a hole is too small for the thread, or if two holes overlap."""
         size = nominal(self.thread) or 0.0
-        near = min((dist(*pair) for pair in combinations(self.points, 2)), default=math.inf)
+        smallest_distance = min((dist(*pair) for pair in combinations(self.points, 2)), default=math.inf)
         if self.hole is not None and self.hole < HOLES[0] * size:
             raise ValueError(f"a hole of {mm(self.hole)} is too small for the thread {self.thread}")
-        if near <= (self.hole or size):
-            raise ValueError(f"holes of {mm(self.hole or size)} overlap: their distance is {mm(near)}")
+        if smallest_distance <= (self.hole or size):
+            raise ValueError(f"holes of {mm(self.hole or size)} overlap: their distance is {mm(smallest_distance)}")
 
     def mirror_image(self) -> Bolts:
         """Return the pattern in the frame of a mirrored mount, whose y axis is reversed."""

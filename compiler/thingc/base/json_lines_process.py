@@ -73,12 +73,12 @@ class JsonLinesProcess:
         Raises `ProcessLost` if the process ends or does not answer within `timeout` seconds. After this exception, call `close`.
         """
         try:
-            _, said = self._lines.get(timeout=timeout)
+            _, value = self._lines.get(timeout=timeout)
         except queue.Empty:
             raise ProcessLost(f"it took longer than {timeout:g} s", hung=True) from None
-        if said is None:
+        if value is None:
             raise ProcessLost(self._death())
-        return said
+        return value
 
     def errors(self) -> str:
         """Return the end of the output that the process has written to its standard error."""
@@ -116,10 +116,10 @@ class JsonLinesProcess:
             with self._process.stdout as stream:
                 for line in stream:
                     if line.endswith(b"\n"):
-                        said = json.loads(line)
+                        value = json.loads(line)
                         if b"\\ud" in line:
-                            said = json.loads(json.dumps(said, ensure_ascii=False).encode("utf-8", "replace"))
-                        self._lines.put((self, said))
+                            value = json.loads(json.dumps(value, ensure_ascii=False).encode("utf-8", "replace"))
+                        self._lines.put((self, value))
         finally:
             self._lines.put((self, None))
 

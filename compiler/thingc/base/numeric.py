@@ -99,8 +99,8 @@ def _extreme(function: Function) -> Function:
     extreme = one_operation(function)
 
     def operation(*arguments: Any, **default: Any) -> Any:
-        listed = tuple(arguments[0]) if len(arguments) == 1 else arguments
-        return function(listed, **default) if len(listed) < 2 else extreme(*listed)
+        numbers = tuple(arguments[0]) if len(arguments) == 1 else arguments
+        return function(numbers, **default) if len(numbers) < 2 else extreme(*numbers)
 
     return cast("Function", operation)
 

@@ -37,17 +37,17 @@ def format_count(number: int, noun: str) -> str:
 
 def _line(self: Any) -> str:
     named = _name_of(self)
-    words = [] if named is None else [_short_repr(named)]
-    shown = self.__struct_fields__ if isinstance(self, FrozenStruct) else [one.name for one in fields(self) if one.repr]
-    for name in shown:
+    parts = [] if named is None else [_short_repr(named)]
+    names = self.__struct_fields__ if isinstance(self, FrozenStruct) else [one.name for one in fields(self) if one.repr]
+    for name in names:
         value = getattr(self, name)
         empty = value is None or (isinstance(value, (str, bytes, Sequence, Mapping, Set)) and not value)
         if not empty and value is not named:
-            words.append(f"{name}={_short_repr(value)}")
-    line = f"{type(self).__name__}({', '.join(words)})"
+            parts.append(f"{name}={_short_repr(value)}")
+    line = f"{type(self).__name__}({', '.join(parts)})"
     while len(line) > LONGEST:
-        words.pop()
-        line = f"{type(self).__name__}({', '.join([*words, '...'])})"
+        parts.pop()
+        line = f"{type(self).__name__}({', '.join([*parts, '...'])})"
     return line
 
 

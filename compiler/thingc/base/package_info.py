@@ -34,15 +34,16 @@ class PackageInfo(FrozenStruct):
         """
         if not all(isinstance(text, str) for text in texts.values()):
             raise TypeError
-        said = dict(texts)
-        if "maintainer" in said:
-            person = re.fullmatch(MAINTAINER, said["maintainer"])
+        fields = dict(texts)
+        if "maintainer" in fields:
+            person = re.fullmatch(MAINTAINER, fields["maintainer"])
             if person is None or not one_line(person[1]):
                 raise ValueError
-            said |= {"maintainer": person[1], "mail": person[2]}
-        if ("license" in said and not one_line(said["license"])) or ("version" in said and re.fullmatch(VERSION, said["version"]) is None):
+            fields |= {"maintainer": person[1], "mail": person[2]}
+        info = PackageInfo(**fields)
+        if not one_line(info.license) or re.fullmatch(VERSION, info.version) is None:
             raise ValueError
-        return PackageInfo(**said)
+        return info
 
 
 def one_line(text: str) -> bool:

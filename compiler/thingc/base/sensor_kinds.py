@@ -62,10 +62,10 @@ class SensorKind(FrozenStruct):
 
         If the measured values have a unit, the keys for noise and cutoff are accepted. A sensor with a `range` does not accept a cutoff.
         """
-        own = {key for group in self.needs for key in group} | {*self.may}
+        keys = {key for group in self.needs for key in group} | {*self.may}
         if any(reading.unit is not None for reading in self.readings):
-            own |= {"noise"} if "range" in own else {"noise", "cutoff"}
-        return frozenset(own)
+            keys |= {"noise"} if "range" in keys else {"noise", "cutoff"}
+        return frozenset(keys)
 
 
 class Measurement(OneLineRepr, FrozenStruct):

@@ -35,7 +35,6 @@ class Span(FrozenStruct):
             and (other.end_line, other.end_column) <= (self.end_line, self.end_column)
         )
 
-
     @property
     def option(self) -> str | None:
         """The command line option that set a value, such as `--set joints.elbow.limit.upper=1 deg`.

@@ -71,8 +71,8 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
     """
     import difflib
 
-    listed = sorted(candidates) if isinstance(candidates, (set, frozenset)) else candidates
-    names = sorted({candidate for candidate in islice(listed, MAX_CANDIDATES) if len(candidate) <= MAX_NAME})
+    ordered = sorted(candidates) if isinstance(candidates, (set, frozenset)) else candidates
+    names = sorted({candidate for candidate in islice(ordered, MAX_CANDIDATES) if len(candidate) <= MAX_NAME})
     if len(name) > MAX_NAME:
         return None
     lowered: dict[str, str] = {candidate.lower(): candidate for candidate in reversed(names)}
@@ -81,25 +81,25 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
     if len(names) > MAX_COMPARED:
         names.sort(key=lambda candidate: -_common_ends(name, candidate))
         names = sorted(names[:MAX_COMPARED])
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
-    return close[0] if close else None
+    matches = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
+    return matches[0] if matches else None
 
 
 def near_hint(name: str, candidates: Iterable[str]) -> Suggestion | None:
     """Return the hint `did you mean ...?` with the candidate that is most similar to `name`. Return None if no candidate is similar."""
     names = list(candidates)
-    close = nearest(name, names)
-    if close is None:
+    closest = nearest(name, names)
+    if closest is None:
         return None
-    return Suggestion(f"did you mean `{close}`?", (name, close) if closest_name(name, names) == close else None)
+    return Suggestion(f"did you mean `{closest}`?", (name, closest) if closest_name(name, names) == closest else None)
 
 
 def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -> Hint:
     """Return a help text for an unknown name: the most similar known name, or else a list of at most twelve known names."""
     names = sorted(set(candidates))
-    close = near_hint(name, names)
-    if close is not None:
-        return close
+    hint = near_hint(name, names)
+    if hint is not None:
+        return hint
     if not names:
         return f"there are no {what} here"
     return f"known {what}: {quote_names(names, 12)}"
@@ -108,8 +108,8 @@ def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -
 def file_meant(name: str, files: Iterable[str], *, what: str = "files") -> Hint:
     """Return a help text for an unknown file name, as `did_you_mean` does for other names. File name extensions are not compared."""
     by_stem = {os.path.splitext(file)[0]: file for file in sorted(files, reverse=True)}
-    close = nearest(os.path.splitext(name)[0], by_stem)
-    if close is not None:
-        certain = closest_name(os.path.splitext(name)[0], by_stem) == close and by_stem[close].endswith(os.path.splitext(name)[1])
-        return Suggestion(f"did you mean `{by_stem[close]}`?", (name, by_stem[close]) if certain else None)
+    stem = nearest(os.path.splitext(name)[0], by_stem)
+    if stem is not None:
+        certain = closest_name(os.path.splitext(name)[0], by_stem) == stem and by_stem[stem].endswith(os.path.splitext(name)[1])
+        return Suggestion(f"did you mean `{by_stem[stem]}`?", (name, by_stem[stem]) if certain else None)
     return did_you_mean("", by_stem.values(), what=what)

@@ -42,5 +42,5 @@ def _products(text: str, sign: str, units: Collection[str]) -> Iterator[str]:
             written, power, joint = _LOOSE.match(text, end).group(0, 1, 2)  # type: ignore[union-attr]
             following = "/" if "/" in joint or sign == "/" and not joint else "*"
             exponent = f"^{power.translate({178: '2', 179: '3'})}" if power else ""
-            for rest in _products(text[end + len(written):], following, units):
-                yield f"{sign}{unit}{exponent}{rest}"
+            for product in _products(text[end + len(written):], following, units):
+                yield f"{sign}{unit}{exponent}{product}"

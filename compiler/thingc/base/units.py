@@ -328,14 +328,14 @@ def _unknown_unit(text: str, start: int, at: int, end: int, expected: tuple[Dime
     is_close = similar and closest_name(unknown, UNITS) == similar and len(unknown) > 1
     typo = similar if is_close and similar and (unknown[0] == similar[0] or unknown == "MM") else None
     certain = SYNONYMS.get(unknown) or typo
-    close = certain or next((unit for unit in candidates if len(unit) == len(unknown) == 2 and unit[0] == unknown[0]), None)
+    replacement = certain or next((unit for unit in candidates if len(unit) == len(unknown) == 2 and unit[0] == unknown[0]), None)
     stops = (start + len(re.match(r"[^\s()+,]*", text[start:]).group()), end)  # type: ignore[union-attr]
     product, stop = next(((unit, stop) for stop in stops if (unit := meant_unit(text[start:stop], expected))), (None, end))
-    if product and not close:
-        at, end, unknown, close, certain = start, stop, text[start:stop], product, product
-    close = close or similar
-    message = f"unknown unit `{shorten(unknown)}`" + (f"; did you mean `{close}`?" if close else "")
-    help = None if close else "use a unit such as mm, m, deg, rad, g, kg, s, N, N*m, rpm, kg/m^3, %"
+    if product and not replacement:
+        at, end, unknown, replacement, certain = start, stop, text[start:stop], product, product
+    replacement = replacement or similar
+    message = f"unknown unit `{shorten(unknown)}`" + (f"; did you mean `{replacement}`?" if replacement else "")
+    help = None if replacement else "use a unit such as mm, m, deg, rad, g, kg, s, N, N*m, rpm, kg/m^3, %"
     return UnitError(Suggestion(message, (unknown, certain) if certain else None), kind="unit", offset=at, end=end, help=help)
 
 

@@ -36,8 +36,8 @@ class Addresses:
         self._balls: list[tuple[Ball, list[int], slice, slice]] = []
         for joint in mode.joints:
             if joint.kind == "ball" and joint.ball is not None and joint.first:
-                (at, moving), own = joints[joint.in_data], [mode.coordinates.index(name) for name in joint.ball.coordinates]
-                self._balls.append((joint.ball, own, slice(at, at + 4), slice(moving, moving + 3)))
+                (at, moving), ball_rows = joints[joint.in_data], [mode.coordinates.index(name) for name in joint.ball.coordinates]
+                self._balls.append((joint.ball, ball_rows, slice(at, at + 4), slice(moving, moving + 3)))
         self._count = len(mode.coordinates)
 
     def read(self, qpos: Array, qvel: Array) -> tuple[Array, Array]:
@@ -48,16 +48,16 @@ class Addresses:
         q, v = np.zeros(self._count), np.zeros(self._count)
         rows, positions, speeds = self.to_read
         q[rows], v[rows] = qpos[positions], qvel[speeds]
-        for ball, own, at, moving in self._balls:
-            q[own], v[own] = ball.read(qpos[at], qvel[moving])
+        for ball, ball_rows, ball_qpos, ball_qvel in self._balls:
+            q[ball_rows], v[ball_rows] = ball.read(qpos[ball_qpos], qvel[ball_qvel])
         return q, v
 
     def write(self, q: Array, v: Array, qpos: Any, qvel: Any) -> None:
         """Write the joint coordinates `q` and the joint velocities `v` to the arrays `qpos` and `qvel`."""
         rows, positions, speeds = self.to_write
         qpos[positions], qvel[speeds] = self.ratio * q[rows], self.ratio * v[rows]
-        for ball, own, at, moving in self._balls:
-            qpos[at], qvel[moving] = ball.qpos(q[own]), ball.qvel(q[own], v[own])
+        for ball, ball_rows, ball_qpos, ball_qvel in self._balls:
+            qpos[ball_qpos], qvel[ball_qvel] = ball.qpos(q[ball_rows]), ball.qvel(q[ball_rows], v[ball_rows])
 
 
 def _indices(rows: Sequence[Sequence[int]]) -> Any:

@@ -32,8 +32,8 @@ def coordinates(cut: Cut, X_AB: Array, usual: Array, xp: Any = np, steps: int = 
             turns = twist[:3] @ X_AB[:3, 3] / pitch
             q = q + math.tau * xp.round((turns - q[k]) / math.tau) * np.eye(len(usual))[k]
     for _ in range(steps):
-        moved, seen = _joint_motion(cut, q, xp)
-        step = _nearest(seen.T, logarithm(inverse(moved, xp) @ X_AB, xp), xp)
+        moved, twists = _joint_motion(cut, q, xp)
+        step = _nearest(twists.T, logarithm(inverse(moved, xp) @ X_AB, xp), xp)
         q = q + step
         if xp is np and not np.any(np.abs(step) > 1e-14):
             break
@@ -62,11 +62,11 @@ def freedoms(cut: Cut, q: Array, X_WB: Array, xp: Any = np) -> Array:
     """
     R = X_WB[:3, :3]
     if cut.kind == "ball":  # v is the angular velocity of the child in its own axes
-        own: Array = xp.concatenate([np.zeros((3, 3)), R])
-        return own
-    _, seen = _joint_motion(cut, q, xp)
-    both: Array = xp.concatenate([R @ seen[:, 3:].T, R @ seen[:, :3].T])
-    return both
+        jacobian: Array = xp.concatenate([np.zeros((3, 3)), R])
+        return jacobian
+    _, twists = _joint_motion(cut, q, xp)
+    rows: Array = xp.concatenate([R @ twists[:, 3:].T, R @ twists[:, :3].T])
+    return rows
 
 
 def constraint_projector(cut: Cut, q: Array, X_WB: Array, xp: Any = np) -> Array:
@@ -95,8 +95,8 @@ def _generators(cut: Cut) -> Array:
 
 def _joint_motion(cut: Cut, q: Array, xp: Any) -> tuple[Array, Array]:
     """Return the pose (4, 4) of end A after the motion of the joint, and the twists (n, 6) of the coordinates in the frame of end A."""
-    X, seen = np.eye(4), []
+    X, twists = np.eye(4), []
     for k in range(len(cut.twists) - 1, -1, -1):
-        seen.append(moved_twist(inverse(X, xp), cut.twists[k], xp))
+        twists.append(moved_twist(inverse(X, xp), cut.twists[k], xp))
         X = exponential(_generators(cut)[k], q[k], xp) @ X
-    return X, xp.asarray(seen[::-1])
+    return X, xp.asarray(twists[::-1])

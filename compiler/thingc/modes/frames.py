@@ -38,8 +38,8 @@ def rotation_of(quaternion: ArrayLike, xp: Any = np) -> Array:
 
     An array of quaternions (n, 4) is converted to an array of matrices (n, 3, 3).
     """
-    given = xp.asarray(quaternion)
-    w, x, y, z = (given / xp.linalg.norm(given, axis=-1, keepdims=True)).T
+    quaternions = xp.asarray(quaternion)
+    w, x, y, z = (quaternions / xp.linalg.norm(quaternions, axis=-1, keepdims=True)).T
     matrix: Array = xp.asarray([
         [w * w + x * x - y * y - z * z, 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)],
         [2.0 * (x * y - w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z + w * x)],

@@ -25,19 +25,19 @@ def read(mode: Mode, state: State[Array], qpos: Array, qvel: Array, joints: Mapp
     """
     kin = kinematics(mode)
     for first in _free(mode):
-        own = mode.joints[first : first + 6]
-        at, moving = joints[own[0].in_data]
+        coordinates = mode.joints[first : first + 6]
+        at, moving = joints[coordinates[0].in_data]
         frames = kin.frames(state.base, state.q[kin.rows], np)
         X_WC = pose(rotation_of(qpos[at + 3 : at + 7]), qpos[at : at + 3])
-        X = inverse(kin.poses(frames)[own[0].parent] @ own[0].X_PJ) @ X_WC @ inverse(own[-1].X_JL)
-        back = own[0].reversed
-        X = inverse(X) if back else X
+        X = inverse(kin.poses(frames)[coordinates[0].parent] @ coordinates[0].X_PJ) @ X_WC @ inverse(coordinates[-1].X_JL)
+        is_reversed = coordinates[0].reversed
+        X = inverse(X) if is_reversed else X
         rows = kin.rows[first : first + 6]
-        slides = np.array([joint.twist[3:] for joint in own if joint.ball is None])
-        place = (-slides[::-1] if back else slides) @ X[:3, 3]
-        state.q[rows[::-1] if back else rows] = np.concatenate([place, rotation_vector(X[:3, :3])])
+        slides = np.array([joint.twist[3:] for joint in coordinates if joint.ball is None])
+        place = (-slides[::-1] if is_reversed else slides) @ X[:3, 3]
+        state.q[rows[::-1] if is_reversed else rows] = np.concatenate([place, rotation_vector(X[:3, :3])])
         frames = kin.frames(state.base, state.q[kin.rows], np)
-        child, R = own[0].child, X_WC[:3, :3]
+        child, R = coordinates[0].child, X_WC[:3, :3]
         relative = qvel[moving : moving + 6] - kin.twists(frames, np.concatenate([state.twist, state.v[kin.rows]]), np)[child]
         moves = kin.jacobians(frames, np)[child][:, 6 + first : 12 + first]
         state.v[rows] = np.linalg.solve(moves, np.concatenate([relative[:3], R @ relative[3:]]))
@@ -45,13 +45,13 @@ def read(mode: Mode, state: State[Array], qpos: Array, qvel: Array, joints: Mapp
 
 def write(mode: Mode, state: State[Array], qpos: Any, qvel: Any, joints: Mapping[str, Sequence[int]]) -> None:
     """Write the poses and twists of the children of all free joints to the arrays `qpos` and `qvel`."""
-    found = list(_free(mode))
-    if not found:
+    first_indices = list(_free(mode))
+    if not first_indices:
         return
     kin = kinematics(mode)
     frames = kin.frames(state.base, state.q[kin.rows], np)
     poses, twists = kin.poses(frames), kin.twists(frames, np.concatenate([state.twist, state.v[kin.rows]]), np)
-    for first in found:
+    for first in first_indices:
         (at, moving), child = joints[mode.joints[first].in_data], mode.joints[first].child
         qpos[at : at + 7] = np.concatenate([poses[child, :3, 3], quaternion_of(poses[child, :3, :3])])
         qvel[moving : moving + 6] = twists[child]

@@ -69,27 +69,27 @@ def stop(mode: Mode, state: State[Any], inertias: Inertias, xp: Any, **newton: i
     ])
     reduced = N.T @ M @ N
     w = xp.linalg.solve(reduced, N.T @ (M @ u))
-    more = [_hold_jacobian(hold, poses[hold.link], jacobians[hold.link]) for hold in mode.holds]
-    more += [_ends_meet(mode, poses, cut, jacobians, xp, newton) for cut in mode.cuts]
-    if more:
+    constraints = [_hold_jacobian(hold, poses[hold.link], jacobians[hold.link]) for hold in mode.holds]
+    constraints += [_ends_meet(mode, poses, cut, jacobians, xp, newton) for cut in mode.cuts]
+    if constraints:
         # In the coordinates L^T w, with the Cholesky factor L of the reduced mass matrix, the projection is orthogonal.
         L = xp.linalg.cholesky(reduced)
-        A = xp.linalg.solve(L, (xp.concatenate(more) @ N).T).T
+        A = xp.linalg.solve(L, (xp.concatenate(constraints) @ N).T).T
         w = w - xp.linalg.solve(L.T, xp.linalg.lstsq(A, A @ (L.T @ w), rcond=RANK)[0])
     after = N @ w
-    impulse, holds = _impulses(mode, M @ (after - u), moves, _mimics(mode, q, xp), more, xp)
+    impulse, holds = _impulses(mode, M @ (after - u), moves, _mimics(mode, q, xp), constraints, xp)
     v = xp.concatenate([after[6:], state.v])[kin.gathered]
     return State(state.base, after[:6], state.q, v), impulse, [
-        _at_hold(hold, poses[hold.link], own, xp) for hold, own in zip(mode.holds, holds, strict=True)
+        _at_hold(hold, poses[hold.link], hold_impulse, xp) for hold, hold_impulse in zip(mode.holds, holds, strict=True)
     ]
 
 
-def _impulses(mode: Mode, change: Array, moves: Array, mimics: Array, more: list[Array], xp: Any) -> tuple[Array, list[Array]]:
+def _impulses(mode: Mode, change: Array, moves: Array, mimics: Array, constraints: list[Array], xp: Any) -> tuple[Array, list[Array]]:
     """Compute the impulses on the root link and on the other held links from the change of momentum of the robot."""
-    if not more:
+    if not constraints:
         return change[:6], []
     stays = np.eye(6) - (moves @ xp.linalg.solve(moves.T @ moves, moves.T) if moves.shape[1] else np.zeros((6, 6)))
-    C = xp.concatenate([xp.concatenate([stays, np.zeros((6, len(change) - 6))], axis=1), *more, mimics])
+    C = xp.concatenate([xp.concatenate([stays, np.zeros((6, len(change) - 6))], axis=1), *constraints, mimics])
     impulses = xp.linalg.lstsq(C.T, change, rcond=RANK)[0]
     holds, row = [], 6
     for hold in mode.holds:
@@ -98,13 +98,13 @@ def _impulses(mode: Mode, change: Array, moves: Array, mimics: Array, more: list
     return stays @ impulses[:6], holds
 
 
-def _at_hold(hold: Hold, X: Array, own: Array, xp: Any) -> Array:
+def _at_hold(hold: Hold, X: Array, hold_impulse: Array, xp: Any) -> Array:
     """Return the impulse (6,) on a held link with the pose X (4, 4): the linear impulse, then the angular impulse about the link's origin.
 
     The linear impulse is in world axes, and the angular impulse is in link axes.
     """
-    turning = cross(X[:3, :3] @ hold.X_LM[:3, 3], own) if hold.turns else own[3:]
-    impulse: Array = xp.concatenate([own[:3], X[:3, :3].T @ turning])
+    turning = cross(X[:3, :3] @ hold.X_LM[:3, 3], hold_impulse) if hold.turns else hold_impulse[3:]
+    impulse: Array = xp.concatenate([hold_impulse[:3], X[:3, :3].T @ turning])
     return impulse
 
 

@@ -137,9 +137,9 @@ def check(mode: Mode, model: Any) -> None:
             f"the data for mode `{mode.name}` belongs to the model of another mode: expected a {mode.base} `{mode.root_link}`, found "
             f"`{root_found}` under the world"
         )
-    if (elsewhere := find_displaced(mode, model, body_of)) is not None:
+    if (displaced := find_displaced(mode, model, body_of)) is not None:
         raise WrongData(
-            f"the data for mode `{mode.name}` belongs to another variant: {elsewhere[0]} differs by {elsewhere[1]:.3g} (m or rad) from "
+            f"the data for mode `{mode.name}` belongs to another variant: {displaced[0]} differs by {displaced[1]:.3g} (m or rad) from "
             "`modes.json`; read the `modes.json` of that variant, or use `family.modes(settings)`"
         )
 

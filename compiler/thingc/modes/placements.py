@@ -37,20 +37,20 @@ def _distances(mode: Mode, model: Any, body_of: Mapping[str, int]) -> Iterator[t
         parent = int(model.body_parentid[body])
         if parent in X:
             X[body] = X[parent] @ pose(rotation_of(model.body_quat[body]), model.body_pos[body])
-    own = {number for number, link in enumerate(mode.links) if model.body(body_of[link.name]).name == link.name}
-    for number in sorted(own):
+    with_body = {number for number, link in enumerate(mode.links) if model.body(body_of[link.name]).name == link.name}
+    for number in sorted(with_body):
         link = mode.links[number]
         yield f"link `{link.name}`", _difference(link.X_root_link, X[body_of[link.name]])
     motions = np.array(mode.jacobians(mode.state(base_pose=np.eye(4))))[:, :, 6:]  # at q = 0, in the axes of the root link
     for column, joint in enumerate(mode.joints):
         if joint.kind == "free":
             continue
-        here = mode.links[joint.child].X_root_link[:3, 3]
-        found = np.sum([ratio * _motion(model, name, X, here, joint) for name, ratio in joint.in_model.items()], axis=0)
+        point = mode.links[joint.child].X_root_link[:3, 3]
+        found = np.sum([ratio * _motion(model, name, X, point, joint) for name, ratio in joint.in_model.items()], axis=0)
         yield f"joint `{joint.name}`", float(np.abs(found - motions[joint.child, :, column]).max())
     sites = {model.site(number).name: number for number in range(model.nsite)}
     for carrier, name, X_LM, turns in _frames(mode):
-        if carrier in own and name in sites:
+        if carrier in with_body and name in sites:
             site = sites[name]
             found = pose(X_LM[:3, :3] if turns else rotation_of(model.site_quat[site]), model.site_pos[site])
             yield f"mount `{name}`", _difference(X_LM, found)
@@ -69,8 +69,8 @@ def _frames(mode: Mode) -> Iterator[tuple[int, str, Array, bool]]:
         yield cut.child, f"{cut.name}:child", cut.X_CB, True
 
 
-def _motion(model: Any, name: str, X: Mapping[int, Array], here: Array, joint: Any) -> Array:
-    """Return the motion (6,) per unit of joint velocity, at q = 0, that a joint of the MuJoCo model causes at the point `here`."""
+def _motion(model: Any, name: str, X: Mapping[int, Array], point: Array, joint: Any) -> Array:
+    """Return the motion (6,) per unit of joint velocity, at q = 0, that a joint of the MuJoCo model causes at the point `point`."""
     one = model.joint(name)
     place = X[int(one.bodyid[0])]
     if joint.ball is None:
@@ -79,7 +79,7 @@ def _motion(model: Any, name: str, X: Mapping[int, Array], here: Array, joint: A
         axis = place[:3, :3] @ joint.ball.R[:, joint.ball.coordinates.index(joint.name)]
     if int(one.type[0]) == SLIDE:
         return np.concatenate([axis, np.zeros(3)])
-    return np.concatenate([np.cross(axis, here - place[:3, 3] - place[:3, :3] @ one.pos), axis])
+    return np.concatenate([np.cross(axis, point - place[:3, 3] - place[:3, :3] @ one.pos), axis])
 
 
 def _difference(X: Array, other: Array) -> float:

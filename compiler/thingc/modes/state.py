@@ -64,10 +64,10 @@ class RobotState(OneLineRepr):
 
 
 def _checked_array(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
-    kept = np.array(values, dtype=float)
-    if kept.shape != shape:
-        raise ModesError(f"expected `{name}` of shape {shape}, found {kept.shape}")
-    if not np.isfinite(kept).all():
+    array = np.array(values, dtype=float)
+    if array.shape != shape:
+        raise ModesError(f"expected `{name}` of shape {shape}, found {array.shape}")
+    if not np.isfinite(array).all():
         raise ModesError(f"`{name}` has numbers that are not finite")
-    kept.setflags(write=False)
-    return kept
+    array.setflags(write=False)
+    return array

@@ -27,8 +27,9 @@ def change_root(state: State[Any], old: Mode, new: Mode, xp: Any, **newton: int)
     q, v = state.q, state.v
     cuts = [cut for cut in old.cuts if cut.coordinates]
     if cuts:
-        found = [_across(old, cut, poses, twists, xp, newton) for cut in cuts]
-        q, v = (xp.concatenate([own, *values])[_gather_indices(old)] for own, values in zip((q, v), zip(*found, strict=True), strict=True))
+        cut_values = [_across(old, cut, poses, twists, xp, newton) for cut in cuts]
+        rows, (cut_q, cut_v) = _gather_indices(old), zip(*cut_values, strict=True)
+        q, v = xp.concatenate([q, *cut_q])[rows], xp.concatenate([v, *cut_v])[rows]
     root = kin.number[new.root_link]
     return State(poses[root], twists[root], q, v)
 
@@ -63,8 +64,8 @@ def put_base(state: State[Any], mode: Mode, place: Array | None, xp: Any) -> tup
     """
     if mode.base in ("free", "held"):
         return state, []
-    there = mode.part.nearest(state.base, xp) if mode.part is not None else mode.X_world_root if place is None else place
-    placed = [(0, state.base, there)]
+    required = mode.part.nearest(state.base, xp) if mode.part is not None else mode.X_world_root if place is None else place
+    placed = [(0, state.base, required)]
     if mode.base == "fixed" and mode.holds:
         kin = kinematics(mode)
         poses = kin.poses(kin.frames(state.base, state.q[kin.rows], xp))
@@ -72,7 +73,7 @@ def put_base(state: State[Any], mode: Mode, place: Array | None, xp: Any) -> tup
             X = poses[hold.link]
             X_WM = pose(X[:3, :3] @ hold.X_LM[:3, :3], hold.X_WM[:3, 3], xp) if hold.turns else hold.X_WM
             placed.append((hold.link, X, X_WM @ inverse(hold.X_LM)))
-    return state._replace(base=there), placed
+    return state._replace(base=required), placed
 
 
 def keep_free_twist(mode: Mode, base: Array, twist: Array, xp: Any) -> Array:

@@ -243,11 +243,9 @@ def _kind_of_default(default: object, where: str) -> str:
 def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
     """Return the annotation of an argument as an object.
 
-
-    If the annotation is a string (`from __future__ import annotations`), it is evaluated in the module of the function.
-
-    The annotation can use `Length`, `Angle` and similar names even if the module imports them only for type checkers. Raises
-    `SignatureError` if the string is not a valid expression.
+    If the annotation is a string (`from __future__ import annotations`), it is evaluated in the module of the function. The annotation can
+    use `Length`, `Angle` and similar names even if the module imports them only for type checkers. Raises `SignatureError` if the string is
+    not a valid expression.
     """
     if not isinstance(annotation, str):
         return annotation
