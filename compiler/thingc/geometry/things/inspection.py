@@ -219,11 +219,8 @@ def shapes_of(geometry: Geometry) -> tuple[Shape[Any], ...]:
     """
     if geometry is None:
         return ()
-    shapes: tuple[Any, ...]
-    if isinstance(geometry, (Shape, str)) or not isinstance(geometry, Iterable):
-        shapes = (geometry,)
-    else:
-        shapes = tuple(geometry)
+    is_single = isinstance(geometry, (Shape, str)) or not isinstance(geometry, Iterable)
+    shapes: tuple[Any, ...] = (geometry,) if is_single else tuple(geometry)
     for item in shapes:
         if not isinstance(item, Shape):
             raise TypeError(f"expected a build123d shape, found {item!r}")

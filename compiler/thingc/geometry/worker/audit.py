@@ -13,8 +13,7 @@ Handler = Callable[[str, tuple[Any, ...]], None]
 
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
 
-_handlers: dict[str, tuple[Handler, ...]] = {}
-_hooked = False
+_handlers: dict[str, dict[Handler, None]] = {}
 
 
 def listen(events: tuple[str, ...], handler: Handler) -> None:
@@ -22,13 +21,10 @@ def listen(events: tuple[str, ...], handler: Handler) -> None:
 
     If a handler raises an exception, the audited function does not run and raises this exception.
     """
-    global _hooked
-    for event in events:
-        if handler not in _handlers.get(event, ()):
-            _handlers[event] = (*_handlers.get(event, ()), handler)
-    if not _hooked:
-        _hooked = True
+    if not _handlers:
         sys.addaudithook(_hook)
+    for event in events:
+        _handlers.setdefault(event, {})[handler] = None
 
 
 def _hook(event: str, arguments: tuple[Any, ...]) -> None:

@@ -61,8 +61,7 @@ class FileReadRecorder:
     def stop(self) -> None:
         """Stop all recording."""
         global _current
-        if _current is self:
-            _current = None
+        _current = None
 
     def note(self, path: Any, *, listed: bool = False, opened: bool = True) -> None:
         """Record that the part read a file. If `opened` is False, the part only checked whether the file exists.

@@ -59,8 +59,7 @@ class ImpureInputRecorder:
     def stop(self) -> None:
         """Stop all recording."""
         global _current
-        if _current is self:
-            _current = None
+        _current = None
 
     @contextlib.contextmanager
     def pause(self) -> Iterator[None]:

@@ -10,7 +10,6 @@ import re
 import sys
 import traceback
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from time import monotonic
 from typing import Any
 
@@ -54,7 +53,6 @@ class RequestContext(FrozenStruct):
     scratch: str
 
 
-@dataclass(slots=True)
 class PartSession:
     """A request that runs part code in its own process, with the folder of the workspace as the working folder.
 
@@ -63,50 +61,45 @@ class PartSession:
     `loaded` is the time at which the last requested class was loaded (`time.monotonic`).
     """
 
-    context: RequestContext
-    recorder: FileReadRecorder = field(init=False)
-    importer: PartImporter = field(init=False)
-    asking: ImpureInputRecorder = field(init=False)
-    loaded: float | None = None
-    _before: int | str = -1
-    _printing: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
-
-    def __post_init__(self) -> None:
-        self.importer = PartImporter(self.context.parts, self.context.packages, self.context.hashes, self.context.plain)
-        self.recorder = FileReadRecorder(self.context.root, (self.context.store, self.context.scratch), self.context.hashes)
-        self.asking = ImpureInputRecorder(self.is_own)
+    def __init__(self, context: RequestContext) -> None:
+        self.context = context
+        self.importer = PartImporter(context.parts, context.packages, context.hashes, context.plain)
+        self.recorder = FileReadRecorder(context.root, (context.store, context.scratch), context.hashes)
+        self.impure_inputs = ImpureInputRecorder(self.is_own)
+        self.loaded: float | None = None
+        self._output = contextlib.ExitStack()
+        self._changes = contextlib.ExitStack()
 
     def __enter__(self) -> PartSession:
         from thingc.geometry.things import assets
 
         # a deleted folder does not have a name; Windows cannot open folders
-        self._before = os.open(os.curdir, os.O_RDONLY) if os.chdir in os.supports_fd else os.getcwd()
+        folder = os.open(os.curdir, os.O_RDONLY) if os.chdir in os.supports_fd else os.getcwd()
+        if isinstance(folder, int):
+            self._changes.callback(os.close, folder)
+        self._changes.callback(os.chdir, folder)
         os.chdir(self.context.root)
+        self._changes.callback(self.importer.remove)
         self.importer.install()
         executed_functions.begin()
         self.recorder.start()
-        self.asking.start()
+        self.impure_inputs.start()
         sandbox.begin(self.context.scratch)
-        self._printing.enter_context(captured_output.keep(self.context.scratch))
+        self._output.enter_context(captured_output.keep(self.context.scratch))
+        self._changes.callback(assets.install, None)
         assets.install(self.recorder.note, (self.context.root,))
         return self
 
     def __exit__(self, *exception: object) -> None:
-        from thingc.geometry.things import assets
-
         self.stop()
-        assets.install(None)
-        self.importer.remove()
-        os.chdir(self._before)
-        if isinstance(self._before, int):
-            os.close(self._before)
+        self._changes.close()
 
     def stop(self) -> None:
         """Stop all recording. Reads, inputs and changes after this call do not count, because the part does not cause them."""
         sandbox.end()
-        self._printing.close()
+        self._output.close()
         self.recorder.stop()
-        self.asking.stop()
+        self.impure_inputs.stop()
 
     def is_own(self, file: str) -> bool:
         """Return whether a file contains code of the part's authors."""
@@ -131,7 +124,7 @@ class PartSession:
 
         Return None if other processes may have run functions of the part.
         """
-        if any(warning.asked is ImpureInputs.PROCESS for warning in self.asking.found):
+        if any(warning.asked is ImpureInputs.PROCESS for warning in self.impure_inputs.found):
             return None
         return executed_functions.of([file for file in self.importer.loaded.values() if file in self.context.hashes], self.context.hashes)
 

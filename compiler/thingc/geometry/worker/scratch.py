@@ -14,7 +14,7 @@ import os
 import shutil
 import tempfile
 
-from thingc.base.filesystem import fcntl
+from thingc.base.filesystem import fcntl, lock
 from thingc.geometry.key.environment_variables import HOMES, TEMPORARY
 
 PREFIX = "thingc-worker-"
@@ -29,8 +29,8 @@ class Scratch:
     def __init__(self) -> None:
         base = tempfile.gettempdir()
         _sweep(base)
-        self.folder, lock = _make_folder(base)
-        self.descriptors = () if lock is None else (lock,)
+        self.folder, descriptor = _make_folder(base)
+        self.descriptors = () if descriptor is None else (descriptor,)
         self._count = 0
 
     def make(self) -> str:
@@ -73,14 +73,12 @@ def _make_folder(base: str) -> tuple[str, int | None]:
             return folder, None
         with contextlib.suppress(OSError):  # another worker removed the folder before it was locked
             descriptor = os.open(folder, os.O_RDONLY)
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            with contextlib.ExitStack() as on_failure:
+                on_failure.callback(os.close, descriptor)
+                lock(descriptor)
                 if os.path.samestat(os.fstat(descriptor), os.stat(folder)):
-                    lock, descriptor = descriptor, -1
-                    return folder, lock
-            finally:
-                if descriptor >= 0:
-                    os.close(descriptor)
+                    on_failure.pop_all()
+                    return folder, descriptor
 
 
 def _sweep(base: str) -> None:
@@ -95,7 +93,7 @@ def _sweep(base: str) -> None:
             descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
             try:
                 if os.fstat(descriptor).st_uid == os.getuid():
-                    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    lock(descriptor)
                     shutil.rmtree(folder, ignore_errors=True)
             finally:
                 os.close(descriptor)

@@ -117,7 +117,7 @@ def build_part(definition: dict[str, Any], tessellations: Tessellations, context
             python_warnings = dict.fromkeys(  # warnings about lines in libraries are omitted
                 PartWarning(message=str(one.message), file=one.filename, line=one.lineno) for one in caught if session.is_own(one.filename)
             )
-            part_warnings = (*record.warnings, *python_warnings, *session.asking.found)
+            part_warnings = (*record.warnings, *python_warnings, *session.impure_inputs.found)
             answer = {"record": record_to_json(replace(record, warnings=part_warnings), context.root)}
             reads = session.reads(*(warning.file for warning in part_warnings))
             loaded = {"loaded": session.loaded} if session.loaded is not None else {}

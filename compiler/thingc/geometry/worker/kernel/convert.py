@@ -65,8 +65,7 @@ def area(value: float) -> float:
 
 def unit_inertia(rows: Sequence[Sequence[float]]) -> Matrix:
     """Convert a 3 x 3 matrix from [mm^5] to [m^5]."""
-    a, b, c = (tuple(float(entry) / 1e15 + 0.0 for entry in row) for row in rows)
-    return (a, b, c)  # type: ignore[return-value]
+    return matrix([[entry / 1e15 + 0.0 for entry in row] for row in rows])
 
 
 def matrix(rows: Sequence[Sequence[float]]) -> Matrix:

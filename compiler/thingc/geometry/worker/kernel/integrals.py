@@ -167,7 +167,7 @@ def integrals(solid: TopoDS_Shape, apex: gp_Pnt) -> tuple[GProp_GProps, GProp_GP
     return matter, _integrate(BRepGProp_Sinert, skin.flat + skin.extruded, skin.rest, apex)
 
 
-_Faces: TypeAlias = "tuple[tuple[TopoDS_Face, bool], ...]"
+_Faces: TypeAlias = "list[tuple[TopoDS_Face, bool]]"
 """Faces, each with a flag that is True if fixed-order integration is exact on the face."""
 
 
@@ -184,19 +184,17 @@ class _Skin(FrozenStruct):
 
 
 def _skin(solid: TopoDS_Shape) -> _Skin:
-    flat: list[tuple[TopoDS_Face, bool]] = []
-    extruded: list[tuple[TopoDS_Face, bool]] = []
-    others: list[tuple[TopoDS_Face, bool]] = []
+    skin = _Skin(flat=[], extruded=[], rest=[])
     for subshape in subshapes(solid, TopAbs_FACE):
         face = TopoDS.Face(subshape)
         kind = BRepAdaptor_Surface(face, False).GetType()
         if kind == GeomAbs_SurfaceOfExtrusion:
-            extruded.append((face, False))
+            skin.extruded.append((face, False))
         elif kind == GeomAbs_Plane and _within_lines_and_circles(face):
-            flat.append((face, True))
+            skin.flat.append((face, True))
         else:
-            others.append((face, kind in _ROUND and _within_own_lines(face)))
-    return _Skin(flat=tuple(flat), extruded=tuple(extruded), rest=tuple(others))
+            skin.rest.append((face, kind in _ROUND and _within_own_lines(face)))
+    return skin
 
 
 def _within_lines_and_circles(face: TopoDS_Face) -> bool:
@@ -247,12 +245,13 @@ def _integrate(kind: Any, simple: _Faces, others: _Faces, apex: gp_Pnt) -> GProp
     adaptive = GProp_GProps(apex)
     adaptive.Add(common)
     adaptive.Add(_integral(kind, others, apex, ACCURACY))
-    one, other = _numbers(fixed_order), _numbers(adaptive)
+    one, other = mass_and_inertia(fixed_order), mass_and_inertia(adaptive)
     scale = (abs(other[0]), *([max(map(abs, other[1:]))] * 6))
     return fixed_order if all(abs(a - b) <= AGREEMENT * size for a, b, size in zip(one, other, scale, strict=True)) else adaptive
 
 
-def _numbers(properties: GProp_GProps) -> list[float]:
+def mass_and_inertia(properties: GProp_GProps) -> list[float]:
+    """Return the mass, the three moments and the three products (xy, xz, yz) of inertia as the kernel computes them."""
     about = properties.MatrixOfInertia()
     return [properties.Mass(), *(about.Value(i, j) for i, j in ((1, 1), (2, 2), (3, 3), (1, 2), (1, 3), (2, 3)))]
 

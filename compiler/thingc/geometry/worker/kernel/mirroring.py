@@ -8,7 +8,7 @@ import numpy as np
 
 from thingc.base.numeric import dist
 from thingc.base.pose import Mirror, Pose
-from thingc.geometry.worker.kernel.integrals import extent, subshapes
+from thingc.geometry.worker.kernel.integrals import extent, mass_and_inertia, subshapes
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -75,8 +75,7 @@ def _integrals(solid: TopoDS_Shape, size: float) -> NDArray[np.float64]:
     for face in subshapes(solid, TopAbs_FACE):
         properties = GProp_GProps()
         BRepGProp.SurfaceProperties_s(face, properties)
-        area, centre, inertia = properties.Mass(), properties.CentreOfMass(), properties.MatrixOfInertia()
-        about = [inertia.Value(i, j) for i, j in ((1, 1), (2, 2), (3, 3), (1, 2), (1, 3), (2, 3))]
-        first = [area * value for value in (centre.X(), centre.Y(), centre.Z())]
-        rows.append([area / size**2, *(value / size**3 for value in first), *(value / size**4 for value in about)])
+        area, *second = mass_and_inertia(properties)
+        first = [area * value for value in properties.CentreOfMass().Coord()]
+        rows.append([area / size**2, *(value / size**3 for value in first), *(value / size**4 for value in second)])
     return np.array(rows).reshape(-1, 10)
