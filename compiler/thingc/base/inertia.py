@@ -64,11 +64,8 @@ def total(bodies: Iterable[MassProperties]) -> MassProperties:
         return numeric.fsum(inertia[i][j] for inertia in moved)
 
     xy, xz, yz = entry(0, 1), entry(0, 2), entry(1, 2)
-    return MassProperties(
-        mass=mass,
-        centre=centre,
-        inertia=((entry(0, 0), xy, xz), (xy, entry(1, 1), yz), (xz, yz, entry(2, 2))),
-    )
+    inertia = ((entry(0, 0), xy, xz), (xy, entry(1, 1), yz), (xz, yz, entry(2, 2)))
+    return MassProperties(mass=mass, centre=centre, inertia=inertia)
 
 
 def symmetric(a: Matrix) -> Matrix:

@@ -234,13 +234,8 @@ class Mode(OneLineRepr):
         )
 
     def state(
-        self,
-        named: str | None = None,
-        *,
-        q: Mapping[str, float] | None = None,
-        v: Mapping[str, float] | None = None,
-        base_pose: ArrayLike | None = None,
-        base_twist: ArrayLike | None = None,
+        self, named: str | None = None, *, q: Mapping[str, float] | None = None, v: Mapping[str, float] | None = None,
+        base_pose: ArrayLike | None = None, base_twist: ArrayLike | None = None,
     ) -> RobotState:
         """Return a state of the robot in this mode, in the pose `named`, or with all joint coordinates 0 if `named` is None.
 

@@ -25,6 +25,7 @@ from thingc.geometry.record import PartDefinition, PartRecord, PartSchema
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
+    from thingc.geometry.key.part_code import PartCode
 
 LOCK_FILE = "parts.lock.json"
 VERSION: Literal["lock/1"] = "lock/1"
@@ -112,11 +113,13 @@ def lock_path(workspace: Workspace) -> str:
     return os.path.join(workspace.root, LOCK_FILE)
 
 
-def code_hash(code: CodeIngredients | None, version: str = "") -> str:
-    """Return the hash of the source code of a part. Comments, layout and docstrings do not change the hash.
+def hash_of(reference: str, code: CodeIngredients | None, parts: PartCode) -> str:
+    """Return the hash of the source code of the part `module:Class`. Comments, layout and docstrings do not change the hash.
 
-    If `code` is None (a part of an installed package), return the hash of the package's `version`.
+    If `code` is None (a part of an installed package), return the hash of the version of the package.
     """
+    package = reference.partition(":")[0].partition(".")[0]
+    version = "" if code is not None else parts.versions(None, reference).get(f"version {package}", "unknown")
     ingredients = [["version", version]] if code is None else sorted(code.ingredients.items())
     return hashlib.sha256(json.dumps(ingredients, separators=(",", ":")).encode()).hexdigest()
 

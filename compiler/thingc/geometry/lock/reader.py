@@ -18,7 +18,7 @@ from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.modules import Module
 from thingc.geometry.key.part_code import PartCode
 from thingc.geometry.lock.json_format import CONTINUOUS, BadLock
-from thingc.geometry.lock.lock import LOCK_FILE, NO_LOCK, Lock, code_hash, lock_path
+from thingc.geometry.lock.lock import LOCK_FILE, NO_LOCK, Lock, hash_of, lock_path
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import NO_PIECES, ActuatorRecord, Mesh, PartDefinition, PartFailure, PartRecord, PartSchema, WantedPieces
 from thingc.geometry.slice_cache import lacking
@@ -157,12 +157,6 @@ class LockAnswers:
         except BadLock as fault:
             self.broken.append(fault)
             return None
-
-
-def hash_of(reference: str, code: CodeIngredients | None, parts: PartCode) -> str:
-    """Compute `code_hash` for a part of the workspace or of an installed package."""
-    package = reference.partition(":")[0].partition(".")[0]
-    return code_hash(code, "" if code is not None else parts.versions(None, reference).get(f"version {package}", "unknown"))
 
 
 class LockOnlyGeometry:

@@ -15,8 +15,7 @@ from msgspec.structs import replace
 
 from thingc.base.safe_text import json_text
 from thingc.geometry.lock.json_format import record_values, schema_values
-from thingc.geometry.lock.lock import VERSION
-from thingc.geometry.lock.reader import hash_of
+from thingc.geometry.lock.lock import VERSION, hash_of
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import NO_PARTS, PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.geometry.service import GeometryService
