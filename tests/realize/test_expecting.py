@@ -87,7 +87,7 @@ def test_unneeded_speculative_part_is_stopped(place: Any, define: Any, sent: lis
     assert isinstance(found, PartRecord) and sent == ["model", "describe", "model"]
     while (left := psutil.Process(worker.process.pid).children()) and time.monotonic() < last:
         time.sleep(0.01)
-    assert left == [] and worker.asked == {} and place.workers._begun == {}
+    assert left == [] and worker.unanswered == {} and place.workers._begun == {}
 
 
 def test_speculative_failure_is_reported_as_usual(place: Any, sent: list[str]) -> None:

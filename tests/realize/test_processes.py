@@ -197,7 +197,7 @@ def test_closed_workers_are_not_restarted(place: Any, define: Callable[..., Any]
     with place.service(workers=workers, timeout=30.0) as service:
         waiting = in_background(lambda: service.realize([define("parts_:Slow")]))
         deadline = time.monotonic() + 60.0
-        while not any(process.asked and process.ready for process in workers._processes) and time.monotonic() < deadline:
+        while not any(process.unanswered and process.ready for process in workers._processes) and time.monotonic() < deadline:
             time.sleep(0.05)
         workers.close()
         failure = waiting.result()["parts_:Slow"]
@@ -344,11 +344,11 @@ def test_deferred_imports_happen_when_needed(tmp_path: Path) -> None:
         assert abs(Triangle(a=3, b=4, c=5).area - 6) < 1e-9
         assert full_round(Rectangle(2, 4).edges().sort_by(Axis.X)[0])
         import ezdxf, scipy.optimize
-        from thingc.geometry.worker.lazy_build123d import LazyObject, _StandIn
+        from thingc.geometry.worker.lazy_build123d import LazyObject, _LazyModule
         left = [
             (name, key) for name, module in sys.modules.items() if name.startswith("build123d")
             for key, value in vars(module).items()
-            if type(value) is _StandIn and value.__name__ in ("ezdxf", "lib3mf", "svgpathtools")
+            if type(value) is _LazyModule and value.__name__ in ("ezdxf", "lib3mf", "svgpathtools")
         ]
         assert not left, left
         from build123d import mesher as module
