@@ -9,6 +9,7 @@ from msgspec.structs import asdict, replace
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.documents.workspace import Workspace
+from thingc.geometry.build_reasons import why
 from thingc.geometry.key.build_key import BuildKey, record_key
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.part_code import PartCode, file_state
@@ -28,13 +29,19 @@ class PartRequest(FrozenStruct):
     """A request to describe or build a part.
 
     `subject` is the reference or the definition text of the part, and `build_key` is the cache key of the result. `code` is None for a file
-    or an installed package. `reason` is the reason for building the part.
+    or an installed package.
     """
 
     subject: str
     build_key: BuildKey
     code: CodeIngredients | None
     request: dict[str, Any]
+
+
+class BuildRequest(PartRequest):
+    """A request to build the part `definition`. `reason` is the reason for building the part."""
+
+    definition: PartDefinition
     reason: str = ""
 
 
@@ -69,20 +76,26 @@ class PartRequests:
         for definition in definitions:
             self.slicings[definition.reference].update(wanted.get(definition.text, ()))
 
-    def suppose(self, definitions: Sequence[PartDefinition], likely: Likely) -> None:
-        """Set the likely slicings of parts whose class does not have expected slicings yet."""
-        if likely is not None and (fresh := [one for one in definitions if one.reference not in self.slicings]):
-            self.expect_slicings(fresh, likely())
+    def complete(self, requests: Sequence[BuildRequest], likely: Likely) -> list[BuildRequest]:
+        """Add the slicings and the reasons to requests, and return the requests in the order in which workers process them.
 
-    def modelling(self, definition: PartDefinition, prepared: PartRequest) -> dict[str, Any]:
-        """Return the complete worker request that builds a part definition.
-
-        The request includes the slicings that are expected for the part's class.
+        Parts that will be sliced come first, because they take longest. `likely` returns the likely slicings of parts whose class does not
+        have expected slicings yet.
         """
-        slicings = sorted(self.slicings.get(definition.reference, ()), key=repr)
-        return {**prepared.request, "slicings": [[asdict(one), own_up] for one, own_up in slicings]}
+        new = [request.definition for request in requests if request.definition.reference not in self.slicings]
+        if likely is not None and new:
+            self.expect_slicings(new, likely())
+        completed = [
+            replace(one, request=self.with_slicings(one), reason=why(one.definition, one.build_key, self._results)) for one in requests
+        ]
+        return sorted(completed, key=lambda one: not one.request["slicings"])
 
-    def prepare(self, definition: PartDefinition, given: Mapping[str, Value] | None = None) -> PartRequest | PartFailure:
+    def with_slicings(self, request: BuildRequest) -> dict[str, Any]:
+        """Return the complete worker request, with the slicings that are expected for the part's class."""
+        slicings = sorted(self.slicings.get(request.definition.reference, ()), key=repr)
+        return {**request.request, "slicings": [[asdict(one), own_up] for one, own_up in slicings]}
+
+    def prepare(self, definition: PartDefinition, given: Mapping[str, Value] | None = None) -> BuildRequest | PartFailure:
         """Prepare the request to build a part definition, or return a failure.
 
         `given` contains the parameters that the request sets. If `given` is None, the result of the method `given_parameters` is used.
@@ -111,4 +124,4 @@ class PartRequests:
             "tessellations": {"fine": asdict(workspace.mesh), "simulation": asdict(workspace.simulation)},
             **self.common_fields(code),
         }
-        return PartRequest(subject=definition.text, build_key=build_key, code=code, request=request)
+        return BuildRequest(subject=definition.text, build_key=build_key, code=code, request=request, definition=definition)

@@ -14,10 +14,11 @@ from msgspec import convert
 from msgspec.structs import replace
 
 from thingc.documents.workspace import Workspace
-from thingc.geometry.key.build_key import BuildKey, record_key
+from thingc.geometry.key.build_key import record_key
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.part_code import PartCode
 from thingc.geometry.key.result_cache import CANDIDATES, CachedResult, Results
+from thingc.geometry.part_requests import BuildRequest
 from thingc.geometry.record import Mesh, PartDefinition, PartFailure, PartRecord, WantedPieces
 from thingc.geometry.record_json import blobs_of
 from thingc.geometry.slice_cache import Records
@@ -51,40 +52,39 @@ class CachedRecords:
         """Return the cached record or failure of the part with the build key `key`, or None."""
         return self._results.find("record", key, self._has_files)
 
-    def find(self, definition: PartDefinition, build_key: BuildKey, code: CodeIngredients | None) -> CachedResult | None:
+    def find(self, request: BuildRequest) -> CachedResult | None:
         """Return the cached record of a part, or None.
 
         If no record has the part's build key, look for a record with the same outline of the code whose executed functions have not
         changed.
         """
-        cached = self.find_record(build_key.key)
+        cached, code = self.find_record(request.build_key.key), request.code
         if cached is not None or code is None or not code.sources:
             return cached
-        for entry in self._store.get_json("ran", self._outline_key(definition, code)) or ():
+        for entry in self._store.get_json("ran", self._outline_key(request.definition, code)) or ():
             if _digest(code, entry["ran"]) != entry["digest"]:
                 continue
             cached = self.find_record(entry["record"])
             if cached is not None and [list(read) for read in cached.reads] == entry["reads"]:  # other reads may run other functions
                 with contextlib.suppress(StoreUnusable):  # this entry is only an optimisation
-                    self._results.keep("record", build_key, cached.value, list(cached.reads), cached.reason)
+                    self._results.keep("record", request.build_key, cached.value, list(cached.reads), cached.reason)
                 return cached
         return None
 
-    def note_ran(
-        self, definition: PartDefinition, build_key: BuildKey, code: CodeIngredients | None, ran: Ran | None, reads: list[list[str]],
-    ) -> None:
+    def note_ran(self, request: BuildRequest, ran: Ran | None, reads: list[list[str]]) -> None:
         """Store the functions that ran when a part was built, together with its build key and the states of the files that it read.
 
         `ran` contains the numbers of the functions by file (None if unknown).
         """
+        code = request.code
         if code is None or not code.sources or ran is None:
             return
         by_label = {code.sources[file].label: numbers for file, numbers in ran.items() if file in code.sources}
         digest = _digest(code, by_label)
         if digest is not None and len(by_label) == len(ran):
-            key = self._outline_key(definition, code)
+            key = self._outline_key(request.definition, code)
             others = [one for one in self._store.get_json("ran", key) or () if (one["digest"], one["reads"]) != (digest, reads)]
-            newest = {"ran": by_label, "digest": digest, "record": build_key.key, "reads": reads}
+            newest = {"ran": by_label, "digest": digest, "record": request.build_key.key, "reads": reads}
             self._store.note_json("ran", key, [newest, *others[: CANDIDATES - 1]])
 
     def _outline_key(self, definition: PartDefinition, code: CodeIngredients) -> str:

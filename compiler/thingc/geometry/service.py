@@ -14,7 +14,7 @@ from msgspec import convert, to_builtins
 from msgspec.structs import replace
 
 from thingc.documents.workspace import Workspace
-from thingc.geometry.build_reasons import BuildReason, unchanged_reason, why
+from thingc.geometry.build_reasons import BuildReason, unchanged_reason
 from thingc.geometry.features import Features
 from thingc.geometry.key.build_key import BuildKey, schema_key
 from thingc.geometry.key.file_states import state_of
@@ -25,7 +25,7 @@ from thingc.geometry.key.result_cache import CachedResult, Results
 from thingc.geometry.key.versions import versions_of
 from thingc.geometry.lock.lock import LOCK_FILE, Lock
 from thingc.geometry.lock.reader import LockAnswers
-from thingc.geometry.part_requests import Likely, PartRequest, PartRequests
+from thingc.geometry.part_requests import BuildRequest, Likely, PartRequest, PartRequests
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import NO_PIECES, Mesh, PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile, WantedPieces
 from thingc.geometry.record_cache import CachedRecords, ConvexAnswers
@@ -149,11 +149,11 @@ class GeometryService:
             prepared = self._requests.prepare(definition, last._requests.given_parameters(definition))
             if isinstance(prepared, PartFailure):
                 continue
-            cached = self._records.find(definition, prepared.build_key, prepared.code)
+            cached = self._records.find(prepared)
             if cached is not None:
                 self._expected[prepared.build_key.key] = cached
             elif count < self._jobs:
-                self._calls.pool().begin([self._requests.modelling(definition, prepared)])
+                self._calls.pool().begin([self._requests.with_slicings(prepared)])
                 count += 1
 
     def close(self) -> None:
@@ -272,7 +272,7 @@ class GeometryService:
         self.decisions = {}
         self.wanted = tuple(definitions)
         answers: dict[str, PartRecord | PartFailure] = {}
-        missing: list[tuple[PartDefinition, PartRequest]] = []
+        missing: list[BuildRequest] = []
         unique = {definition.text: definition for definition in definitions}
         build_keys: dict[str, BuildKey] = {}
         for text, definition in unique.items():
@@ -285,22 +285,21 @@ class GeometryService:
             if isinstance(prepared, PartFailure):
                 answers[text] = prepared
                 continue
-            build_key, code = prepared.build_key, prepared.code
-            build_keys[text] = build_key
-            cached = self._expected.get(build_key.key) or self._records.find(definition, build_key, code)
+            build_keys[text] = prepared.build_key
+            cached = self._expected.get(prepared.build_key.key) or self._records.find(prepared)
             if cached is not None:
-                answers[text] = self._reuse(text, cached, code)
+                answers[text] = self._reuse(prepared, cached)
             elif locked and (locked_record := self._locked.record(definition)) is not None:
                 self._decide(text, True, f"{LOCK_FILE} contains it")
                 answers[text] = locked_record
                 del build_keys[text]  # no part was built; `thingc why` reports the last build
             else:
-                missing.append((definition, prepared))
-        tasks = self._tasks(missing, likely)
+                missing.append(prepared)
+        tasks = self._requests.complete(missing, likely)
         if self._calls.workers is not None:
             self._calls.workers.forget([task.request for task in tasks])
         with closing(self._build_locks):
-            self._model(tasks, unique, answers)
+            self._model(tasks, answers)
         self._results.remember(
             (definition.reference, text, build_keys[text])
             for text, definition in unique.items() if text in build_keys and isinstance(answers[text], PartRecord)
@@ -325,40 +324,23 @@ class GeometryService:
         """Decompose meshes in the store into convex pieces, and return the pieces or the failure of each mesh."""
         return self._convex.pieces(meshes)
 
-    def _tasks(self, parts: Sequence[tuple[PartDefinition, PartRequest]], likely: Likely) -> list[PartRequest]:
-        """Return the requests that build parts, in the order in which workers process them.
-
-        Parts that will be sliced come first, because they take longest.
-        """
-        self._requests.suppose([definition for definition, _ in parts], likely)
-        tasks = [
-            replace(
-                prepared, request=self._requests.modelling(definition, prepared),
-                reason=why(definition, prepared.build_key, self._results),
-            )
-            for definition, prepared in parts
-        ]
-        return sorted(tasks, key=lambda task: not task.request["slicings"])
-
-    def _model(
-        self, tasks: Sequence[PartRequest], definitions: Mapping[str, PartDefinition], answers: dict[str, PartRecord | PartFailure],
-    ) -> None:
+    def _model(self, tasks: Sequence[BuildRequest], answers: dict[str, PartRecord | PartFailure]) -> None:
         """Build the parts of these tasks in worker processes, and add their records or failures to `answers`.
 
         If another process is building a part, wait for its result.
         """
         by_text = {task.subject: task for task in tasks}
-        built_elsewhere: list[PartRequest] = []
+        built_elsewhere: list[BuildRequest] = []
 
-        def find(task: PartRequest) -> bool:
+        def find(task: BuildRequest) -> bool:
             """Return whether another process has built the part since the request was created."""
             cached = self._records.find_record(task.build_key.key)
             if cached is not None:
-                answers[task.subject] = self._reuse(task.subject, cached, task.code)
+                answers[task.subject] = self._reuse(task, cached)
                 self._build_locks.give_back(task.build_key.key)
             return cached is not None
 
-        def needed() -> Iterator[dict[str, Any]]:
+        def needed_requests() -> Iterator[dict[str, Any]]:
             # without workers, do not wait for other processes
             has_workers = self._calls.workers is None or self._calls.workers.there
             for task in tasks:
@@ -370,30 +352,30 @@ class GeometryService:
         def build(answered: Iterable[tuple[Mapping[str, Any], dict[str, Any]]]) -> None:
             for request, answer in answered:
                 task = by_text[request["definition"]["text"]]
-                answers[task.subject] = self._store_result(task, definitions[task.subject], answer)
+                answers[task.subject] = self._store_result(task, answer)
                 self._build_locks.give_back(task.build_key.key)
 
-        build(self._calls.run([task.request for task in tasks], "modelling", needed()))
+        build(self._calls.run([task.request for task in tasks], "modelling", needed_requests()))
         for task in built_elsewhere:
             if task.subject not in answers:
                 self._build_locks.wait(task.build_key.key, self.timeout + PATIENCE)
                 if not find(task):
                     build(self._calls.run([task.request]))
 
-    def _store_result(self, task: PartRequest, definition: PartDefinition, answer: dict[str, Any]) -> PartRecord | PartFailure:
+    def _store_result(self, task: BuildRequest, answer: dict[str, Any]) -> PartRecord | PartFailure:
         """Store the record or failure that a worker created for a part definition, and return it."""
         self._decide(task.subject, False, task.reason)
-        self._show_printed(definition.label, answer)
+        self._show_printed(task.definition.label, answer)
         if "failed" in answer:
             broken = self._calls.failure(task.subject, answer)
-            if definition.kind == "file" and broken.kind == "crashed" and broken.message.startswith("killed by"):
+            if task.definition.kind == "file" and broken.kind == "crashed" and broken.message.startswith("killed by"):
                 return replace(broken, kind="invalid", message=f"the file is damaged, or the CAD kernel cannot read it ({broken.message})")
             return broken
         value = with_left(answer["answer"], answer.get("left", ()))
         reads, ran, slices = value.pop("reads"), value.pop("ran", None), value.pop("slices", ())
         self._results.keep("record", task.build_key, value, reads, task.reason)
         if not answer.get("left"):
-            self._records.note_ran(definition, task.build_key, task.code, ran, reads)
+            self._records.note_ran(task, ran, reads)
         self.reads[task.subject] = dict(reads)
         record = self._record(value, task.code)
         self._slices.keep(record, slices)
@@ -402,7 +384,7 @@ class GeometryService:
     def in_store(self, definition: PartDefinition) -> bool:
         """Return whether the store contains the record of a part definition."""
         prepared = self._requests.prepare(definition)
-        return not isinstance(prepared, PartFailure) and self._records.find(definition, prepared.build_key, prepared.code) is not None
+        return not isinstance(prepared, PartFailure) and self._records.find(prepared) is not None
 
     def _record(self, value: Any, code: CodeIngredients | None) -> PartRecord | PartFailure:
         if "failure" in value:
@@ -410,11 +392,11 @@ class GeometryService:
         record = record_from_json(value["record"], self.workspace.root)
         return replace(record, code=code.place) if code is not None and code.place is not None else record
 
-    def _reuse(self, text: str, cached: CachedResult, code: CodeIngredients | None) -> PartRecord | PartFailure:
+    def _reuse(self, request: BuildRequest, cached: CachedResult) -> PartRecord | PartFailure:
         """Return the cached record of a part, and store its reads and the reason for reusing the part."""
-        self._decide(text, True, unchanged_reason(cached.reason))
-        self.reads[text] = dict(cached.reads)
-        return self._record(cached.value, code)
+        self._decide(request.subject, True, unchanged_reason(cached.reason))
+        self.reads[request.subject] = dict(cached.reads)
+        return self._record(cached.value, request.code)
 
     def _decide(self, text: str, reused: bool, reason: str) -> None:
         self.decisions[text] = BuildReason(reused=reused, reason=reason)
