@@ -178,7 +178,7 @@ def test_code_in_an_expression_cannot_forge_an_answer(bot: Path) -> None:
 def test_answer_size_is_limited(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(children, "ANSWER", 1000)
     for length, failed in ((500, None), (200_000, "crashed")):
-        child = children.start(lambda asked: {"text": "x" * asked["length"]}, 0, str(tmp_path), ())
+        child = children.fork_child(lambda asked: {"text": "x" * asked["length"]}, 0, str(tmp_path), ())
         child.ask({"id": 0, "timeout": 20.0, "length": length})
         assert child.wait().get("failed") == failed
 

@@ -227,7 +227,7 @@ def live_without_parent() -> None:
         prctl(_PARENT_DEATH_SIGNAL, 0)
 
 
-def start(
+def fork_child(
     run: Callable[[Mapping[str, Any]], dict[str, Any]], nice: int, scratch: str, unused_descriptors: Sequence[int],
     readable: Sequence[str] | None = None,
 ) -> Child:

@@ -9,6 +9,7 @@ from typing import Any
 
 from thingc.geometry.record import ParameterSchema, PartSchema
 from thingc.geometry.record_json import to_json
+from thingc.geometry.things.inspection import actuator_of, code_location, lacking_result, parameters_of, syntax_of
 from thingc.geometry.worker.kernel import convert
 from thingc.geometry.worker.part_session import NoPart, PartSession, RequestContext, kind_of
 
@@ -34,8 +35,6 @@ def describe(references: Sequence[str], placed: Collection[str], context: Reques
 
 
 def _schema(session: PartSession, reference: str, *, placed: bool) -> PartSchema:
-    from thingc.geometry.things.inspection import actuator_of, lacking_result, parameters_of
-
     part = session.part(reference)
     kind = kind_of(part, reference)
     parameters = tuple(_parameter(parameter) for parameter in parameters_of(part))
@@ -50,8 +49,6 @@ def _schema(session: PartSession, reference: str, *, placed: bool) -> PartSchema
 
 def _code_location(part: Any, kind: str) -> tuple[str, int]:
     """Return the file and the line where a class or function is defined."""
-    from thingc.geometry.things.inspection import code_location
-
     if (place := code_location(part)) is not None:
         return place
     code = inspect.unwrap(part.__init__).__code__ if kind == "thing" and hasattr(part.__init__, "__code__") else None
@@ -64,8 +61,6 @@ def _default_material(part: Any) -> str | None:
 
     Return None if the argument is not a literal. The part record, in contrast, always contains the material.
     """
-    from thingc.geometry.things.inspection import syntax_of
-
     for family in getattr(part, "__mro__", ()):
         if "__init__" not in vars(family) or family.__module__.startswith(("thingc.", "build123d.")):
             continue

@@ -16,6 +16,9 @@ from typing import Any
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.key.file_states import state_of
 from thingc.geometry.record import FailureKind, ImpureInputs, PartFailure, SchemaKind
+from thingc.geometry.things import assets
+from thingc.geometry.things.inspection import is_part
+from thingc.geometry.things.parameters import ParameterError, SignatureError
 from thingc.geometry.worker import captured_output, executed_functions, sandbox
 from thingc.geometry.worker.file_reads import FileReadRecorder, loaded_files
 from thingc.geometry.worker.impure_inputs import ImpureInputRecorder
@@ -71,8 +74,6 @@ class PartSession:
         self._changes = contextlib.ExitStack()
 
     def __enter__(self) -> PartSession:
-        from thingc.geometry.things import assets
-
         # a deleted folder does not have a name; Windows cannot open folders
         folder = os.open(os.curdir, os.O_RDONLY) if os.chdir in os.supports_fd else os.getcwd()
         if isinstance(folder, int):
@@ -145,8 +146,6 @@ class PartSession:
             try:
                 named = getattr(named, step)
             except AttributeError:
-                from thingc.geometry.things.inspection import is_part
-
                 names = sorted(
                     f"{module_name}:{own}" for own, value in vars(module).items()
                     if not own.startswith("_") and getattr(value, "__module__", None) == module_name and is_part(value)
@@ -160,8 +159,6 @@ class PartSession:
 
         If the exception is a `MemoryError`, it is raised again.
         """
-        from thingc.geometry.things.parameters import ParameterError, SignatureError
-
         if isinstance(fault, MemoryError):
             raise fault  # the available memory depends on the machine, so this failure must not be cached
         detail: str | None = "".join(traceback.format_exception(fault))
@@ -210,8 +207,6 @@ def _python_suggests(fault: BaseException) -> str | None:
 
 def kind_of(part: Any, reference: str) -> SchemaKind:
     """Return the kind of the Python object to which a part reference refers. Raises `NoPart` if the object is not a part."""
-    from thingc.geometry.things.inspection import is_part
-
     kind = is_part(part)
     if kind is None:
         raise NoPart("invalid", f"`{reference}` is not a part: expected a Thing, a build123d shape class or a function returning a shape")

@@ -19,14 +19,15 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from msgspec import convert, to_builtins
 
-if TYPE_CHECKING:
-    from thingc.geometry.store.local import Store
-    from thingc.geometry.worker.children import Child
-    from thingc.geometry.worker.scratch import Scratch
+from thingc.geometry.store.local import Outbox, Store, StoreUnusable
+from thingc.geometry.worker.captured_output import lines_of
+from thingc.geometry.worker.children import WATCH, Child, die_with_parent, fork_child, live_without_parent
+from thingc.geometry.worker.process_tree import FIRST, adopt_orphans, give_priority
+from thingc.geometry.worker.scratch import Scratch, remove, settle
 
 AHEAD = (
     "importlib.metadata", "importlib.readers", "manifold3d", "numpy.ma", "thingc.geometry.worker.part_schemas",
@@ -44,11 +45,7 @@ def main(arguments: list[str]) -> None:
     os.dup2(nothing, 1)
     parent = int(arguments[arguments.index("--parent") + 1]) if "--parent" in arguments else os.getppid()
     if hasattr(os, "fork"):
-        from thingc.geometry.worker.children import die_with_parent
-
         die_with_parent(parent)  # standard input is not read while the kernel is loaded
-    from thingc.geometry.worker.scratch import Scratch, settle
-
     scratch = Scratch()
     settle(scratch.folder)
     try:
@@ -57,8 +54,6 @@ def main(arguments: list[str]) -> None:
         elif not _load(answers):
             return
         elif hasattr(os, "fork") and "--inline" not in arguments:
-            from thingc.geometry.worker.children import live_without_parent
-
             live_without_parent()  # from now on, the end of standard input ends the server; the thread that started it may end earlier
             if os.getppid() == parent:
                 jobs = int(arguments[arguments.index("--jobs") + 1]) if "--jobs" in arguments else os.cpu_count() or 1
@@ -159,8 +154,6 @@ def answer_request(request: Mapping[str, Any]) -> dict[str, Any]:
     Return the `answer` and the `span` of the request. Return a failure if the store is unusable. `span` contains the start and the end time
     of the work (`time.monotonic`). For a part, the time begins when its class has been loaded.
     """
-    from thingc.geometry.store.local import StoreUnusable
-
     start = time.monotonic()
     try:
         answer = perform(request)
@@ -174,10 +167,6 @@ def _move_results(answer: dict[str, Any], store: str, folder: str) -> dict[str, 
 
     Return the answer with the lines that the part `printed`.
     """
-    from thingc.geometry.store.local import Outbox, StoreUnusable
-    from thingc.geometry.worker.captured_output import lines_of
-    from thingc.geometry.worker.scratch import remove
-
     try:
         if "answer" in answer:
             Outbox(store, folder).deliver()
@@ -198,8 +187,6 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
     If the request has its own folder (`scratch`), files for the store are written there. Raises `StoreUnusable` if the store is not
     writable.
     """
-    from thingc.geometry.store.local import Outbox, Store
-
     store = Outbox(request["store"], request["scratch"]) if "scratch" in request else Store(request["store"])
     operation = request["op"]
     if operation == "call":
@@ -267,8 +254,6 @@ class _Server:
     """
 
     def __init__(self, answers: int, jobs: int, scratch: Scratch) -> None:
-        from thingc.geometry.worker.process_tree import FIRST, adopt_orphans, give_priority
-
         adopt_orphans()
         self.answers = answers
         self.jobs = jobs
@@ -283,8 +268,6 @@ class _Server:
 
     def serve(self) -> None:
         """Answer requests until standard input ends, or until the client no longer reads answers."""
-        from thingc.geometry.worker.children import WATCH
-
         try:
             while True:
                 self.begin_waiting()
@@ -319,8 +302,6 @@ class _Server:
         """Process a message from the client. The message can queue a request, cancel a request (`forget`), or announce a request
         (`prepare`).
         """
-        from thingc.geometry.worker.scratch import remove
-
         if "prepare" in message:
             self.prepare({"hashes": dict.fromkeys(message["prepare"])})
             self.spare = self.spare or self.start()
@@ -353,8 +334,6 @@ class _Server:
         """Load the modules that child processes need for a request. End an existing spare child, because it was forked before these modules
         were loaded.
         """
-        from thingc.geometry.worker.scratch import remove
-
         if _prepare(request) and self.spare is not None:
             spare, self.spare = self.spare, None
             spare.end("hung", {child.process for child in self.children()})
@@ -362,10 +341,8 @@ class _Server:
 
     def start(self) -> Child:
         """Fork a new child process."""
-        from thingc.geometry.worker.children import start
-
         descriptors = [0, self.answers, *self.scratch.descriptors, *self.running]
-        return start(answer_request, self.usual, self.scratch.make(), descriptors)
+        return fork_child(answer_request, self.usual, self.scratch.make(), descriptors)
 
     def children(self) -> list[Child]:
         """Return all child processes that are running, including the spare child."""

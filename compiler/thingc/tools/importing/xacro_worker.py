@@ -39,7 +39,7 @@ def main() -> int:
     readable = [*filter(os.path.isdir, (*packages.readable(), *sys.path, sys.prefix, sys.base_prefix, "/lib", "/lib64", "/usr/lib"))]
     process_tree.adopt_orphans()
     scratch = Scratch()
-    child = children.start(_expand, 0, scratch.make(), scratch.descriptors, readable)
+    child = children.fork_child(_expand, 0, scratch.make(), scratch.descriptors, readable)
     child.ask({**asked, "id": 0, "readable": readable})
     answer = child.wait()
     scratch.close()

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import contextlib
+import inspect
 import io
 import math
 import os
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 import numpy as np
 from msgspec.structs import replace
+from OCP.BinTools import BinTools, BinTools_FormatVersion
+from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
+from OCP.gp import gp_Pnt
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_VERTEX
+from OCP.TopExp import TopExp
+from OCP.TopoDS import TopoDS, TopoDS_Shape
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.primitives import Primitive
@@ -36,8 +44,10 @@ from thingc.geometry.record import (
 )
 from thingc.geometry.record_json import record_to_json, to_json
 from thingc.geometry.store.local import Store, StoreUnusable
+from thingc.geometry.things import inspection
 from thingc.geometry.worker.kernel import convert, meshing
 from thingc.geometry.worker.kernel.bounding_primitives import fit_all
+from thingc.geometry.worker.kernel.feature_search import features_of
 from thingc.geometry.worker.kernel.integrals import at_origin, bodies_of, compound_of, measure, solids_of, subshapes
 from thingc.geometry.worker.kernel.mesh_files import SUFFIXES, BadPartFile
 from thingc.geometry.worker.kernel.mirroring import SolidMirror
@@ -46,10 +56,6 @@ from thingc.geometry.worker.kernel.primitives import primitive_of
 from thingc.geometry.worker.kernel.simplifying import deviation, simplify
 from thingc.geometry.worker.kernel.tessellation import tessellate
 from thingc.geometry.worker.part_session import NoPart, PartSession, RequestContext, kind_of
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Shape
-
 
 NOTHING = 1e-9
 """Volume [mm^3] below which the geometry of a part counts as empty."""
@@ -139,20 +145,14 @@ def _code_location(reference: str, session: PartSession) -> dict[str, Any]:
 
     This location is used for errors that have no line number.
     """
-    import inspect
-
-    from thingc.geometry.things.inspection import code_location
-
     with contextlib.suppress(Exception):
-        file, line = code_location(inspect.unwrap(session.part(reference))) or ("", 0)
+        file, line = inspection.code_location(inspect.unwrap(session.part(reference))) or ("", 0)
         if session.is_own(file):
             return {"file": file, "line": line}
     return {}
 
 
 def _from_code(definition: dict[str, Any], session: PartSession) -> BuiltPart:
-    from thingc.geometry.things import inspection
-
     reference = definition["reference"]
     part = session.part(reference)
     kind = kind_of(part, reference)
@@ -224,10 +224,8 @@ def _mirror(built: BuiltPart, axis: str) -> BuiltPart:
 
 
 def _shapes(geometry: Any, name: str) -> tuple[Any, ...]:
-    from thingc.geometry.things.inspection import shapes_of
-
     try:
-        shapes = shapes_of(geometry)
+        shapes = inspection.shapes_of(geometry)
     except TypeError as fault:
         raise NoPart("invalid", f"{name}() must return a build123d shape, several, or None: {fault}") from None
     for shape in shapes:
@@ -238,13 +236,6 @@ def _shapes(geometry: Any, name: str) -> tuple[Any, ...]:
 
 def _round(shapes: Iterable[Any]) -> list[TopoDS_Shape]:
     """Round the coordinates of the corners of build123d shapes to `DECIMALS`, and return the shapes of the CAD kernel."""
-    from OCP.BRep import BRep_Builder, BRep_Tool
-    from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
-    from OCP.gp import gp_Pnt
-    from OCP.TopAbs import TopAbs_VERTEX
-    from OCP.TopExp import TopExp
-    from OCP.TopoDS import TopoDS
-
     builder, rounded = BRep_Builder(), [shape.wrapped for shape in shapes]
     for shape in rounded:
         corners = ShapeMap()
@@ -262,10 +253,8 @@ def _read_declared(statement: Any, converted: Callable[[Any], Declared]) -> Decl
 
 
 def _expectation(expected: Any) -> MountExpectation:
-    from thingc.geometry.things.inspection import parameters_of
-
     family = expected.family
-    schemas = {parameter.name: parameter for parameter in parameters_of(family)}
+    schemas = {parameter.name: parameter for parameter in inspection.parameters_of(family)}
     values = {name: convert.to_si(schemas[name].kind, value) for name, value in expected.parameters.items() if name in schemas}
     defaults = {name: convert.to_si(p.kind, p.default) for name, p in schemas.items() if not p.required}
     named = (f"{family.__module__}:{family.__qualname__}", values, defaults)
@@ -331,8 +320,6 @@ def _compare_mounts(mounts: dict[str, MountRecord], solid: TopoDS_Shape) -> dict
     """Compare the mating features of mounts with the solid of the part, and add the contradictions to the mounts."""
     if not any(mount.features for mount in mounts.values()):
         return mounts
-    from thingc.geometry.worker.kernel.feature_search import features_of
-
     measured = features_of(solid)
     return {
         name: replace(mount, contradictions=contradictions(mount.features, mount.pose, measured))
@@ -388,10 +375,7 @@ def solid_part(built: BuiltPart) -> TopoDS_Shape:
 
 def _content_text(shapes: Sequence[TopoDS_Shape]) -> str:
     """Describe the content of shapes that do not contain a solid, for an error message."""
-    from OCP.TopAbs import TopAbs_ShapeEnum
-
-    kind = TopAbs_ShapeEnum
-    kinds = {"faces": kind.TopAbs_FACE, "edges": kind.TopAbs_EDGE, "points": kind.TopAbs_VERTEX}
+    kinds = {"faces": TopAbs_FACE, "edges": TopAbs_EDGE, "points": TopAbs_VERTEX}
     return next(
         (f"only {name}" for name, kind in kinds.items() if any(True for shape in shapes for _ in subshapes(shape, kind))),
         "and nothing else",
@@ -400,8 +384,6 @@ def _content_text(shapes: Sequence[TopoDS_Shape]) -> str:
 
 def written_brep(shape: TopoDS_Shape) -> bytes:
     """Write a shape in the binary format of the CAD kernel, without triangles, and return the bytes."""
-    from OCP.BinTools import BinTools, BinTools_FormatVersion
-
     stream = io.BytesIO()
     BinTools.Write_s(shape, stream, False, False, BinTools_FormatVersion.BinTools_FormatVersion_CURRENT)
     return stream.getvalue()

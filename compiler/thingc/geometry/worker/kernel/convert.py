@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from OCP.gp import gp_Trsf
 
 from thingc.base.pose import Matrix, Pose, Vector
 from thingc.base.units import parse_quantity
 from thingc.geometry.record import Value
-
-if TYPE_CHECKING:
-    from OCP.gp import gp_Trsf
 
 MM = 1000.0
 """Number of millimetres in a metre. Dividing a length by this number causes only one rounding, so 72 mm becomes exactly the float 0.072."""
@@ -94,8 +93,6 @@ def transformation(placement: Pose) -> gp_Trsf:
 
     This function is the inverse of the function `pose`.
     """
-    from OCP.gp import gp_Trsf
-
     r = placement.rotation
     x, y, z = (value * MM for value in placement.translation)
     result = gp_Trsf()

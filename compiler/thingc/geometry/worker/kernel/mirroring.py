@@ -5,6 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+from OCP.BRepGProp import BRepGProp
+from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf
+from OCP.GProp import GProp_GProps
+from OCP.TopAbs import TopAbs_FACE
 
 from thingc.base.numeric import dist
 from thingc.base.pose import Mirror, Pose
@@ -35,9 +40,6 @@ class SolidMirror(Mirror):
 
     def shape(self, shape: TopoDS_Shape) -> TopoDS_Shape:
         """Return the mirror image of a shape of the CAD kernel."""
-        from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
-        from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf
-
         reflection = gp_Trsf()
         reflection.SetMirror(gp_Ax2(gp_Pnt(0.0, 0.0, 0.0), gp_Dir(*(1.0 if sign < 0.0 else 0.0 for sign in self.signs))))
         return BRepBuilderAPI_Transform(shape, reflection, True).Shape()
@@ -67,10 +69,6 @@ def _integrals(solid: TopoDS_Shape, size: float) -> NDArray[np.float64]:
 
     The columns are the area, three first moments and six second moments (xx, yy, zz, xy, xz, yz).
     """
-    from OCP.BRepGProp import BRepGProp
-    from OCP.GProp import GProp_GProps
-    from OCP.TopAbs import TopAbs_FACE
-
     rows: list[list[float]] = []
     for face in subshapes(solid, TopAbs_FACE):
         properties = GProp_GProps()

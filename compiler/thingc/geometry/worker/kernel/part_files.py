@@ -11,13 +11,21 @@ import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from build123d import Color
+from OCP.BRep import BRep_Builder
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeShapeOnMesh, BRepBuilderAPI_Transform
+from OCP.gp import gp_Pnt, gp_Trsf
+from OCP.Poly import Poly_Triangle, Poly_Triangulation
+from OCP.TopAbs import TopAbs_FACE
+from OCP.TopoDS import TopoDS_Shape, TopoDS_Shell, TopoDS_Solid
 
+from thingc.geometry.worker.kernel.integrals import subshapes
 from thingc.geometry.worker.kernel.mesh_files import SUFFIXES, BadPartFile, read_mesh
 from thingc.geometry.worker.kernel.meshing import Triangles, without_slivers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-    from OCP.TopoDS import TopoDS_Shape
+
 
 def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tuple[str, ...]]:
     """Read a part from a CAD file or a mesh file. Return the shapes of the part, the colours of the shapes (`#rrggbb`), and descriptions of
@@ -53,7 +61,7 @@ def kernel_shape(shape: Any) -> TopoDS_Shape | None:
 
 
 def _from_step(path: str) -> tuple[list[TopoDS_Shape], set[str]]:
-    from build123d import import_step
+    from build123d import import_step  # here, because the worker wraps the function after it has loaded this module
 
     try:
         imported = import_step(path)
@@ -66,7 +74,7 @@ def _from_step(path: str) -> tuple[list[TopoDS_Shape], set[str]]:
 
 
 def _from_brep(path: str) -> TopoDS_Shape:
-    from build123d import import_brep
+    from build123d import import_brep  # as for `import_step`
 
     with open(path, "rb") as stream:
         stream.seek(max(0, os.path.getsize(path) - 100))
@@ -82,9 +90,6 @@ def _from_brep(path: str) -> TopoDS_Shape:
 
 
 def _scale(shape: TopoDS_Shape, factor: float) -> TopoDS_Shape:
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
-    from OCP.gp import gp_Pnt, gp_Trsf
-
     if factor == 1.0:
         return shape
     larger = gp_Trsf()
@@ -140,11 +145,7 @@ def _contains(outer: Triangles, inner: Triangles) -> bool:
 
 
 def _solid(body: Triangles, voids: list[Triangles]) -> TopoDS_Shape:
-    from OCP.BRep import BRep_Builder
-    from OCP.TopoDS import TopoDS_Solid
-
-    builder = BRep_Builder()
-    solid = TopoDS_Solid()
+    builder, solid = BRep_Builder(), TopoDS_Solid()
     builder.MakeSolid(solid)
     for surface in (body, *voids):
         builder.Add(solid, _shell(surface))
@@ -152,15 +153,6 @@ def _solid(body: Triangles, voids: list[Triangles]) -> TopoDS_Shape:
 
 
 def _shell(mesh: Triangles) -> TopoDS_Shape:
-    from OCP.BRep import BRep_Builder
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeShapeOnMesh
-    from OCP.gp import gp_Pnt
-    from OCP.Poly import Poly_Triangle, Poly_Triangulation
-    from OCP.TopAbs import TopAbs_FACE
-    from OCP.TopoDS import TopoDS_Shell
-
-    from thingc.geometry.worker.kernel.integrals import subshapes
-
     triangulation = Poly_Triangulation(len(mesh.vertices), len(mesh.faces), False)
     for index, (x, y, z) in enumerate(mesh.vertices.tolist(), 1):
         triangulation.SetNode(index, gp_Pnt(x, y, z))
@@ -168,8 +160,7 @@ def _shell(mesh: Triangles) -> TopoDS_Shape:
         triangulation.SetTriangle(index, Poly_Triangle(a + 1, b + 1, c + 1))
     maker = BRepBuilderAPI_MakeShapeOnMesh(triangulation)
     maker.Build()
-    builder = BRep_Builder()
-    shell = TopoDS_Shell()
+    builder, shell = BRep_Builder(), TopoDS_Shell()
     builder.MakeShell(shell)
     for face in subshapes(maker.Shape(), TopAbs_FACE):
         builder.Add(shell, face)
@@ -185,6 +176,4 @@ def hexadecimal(color: Any) -> str:
 
 def hex_colour(text: str) -> str:
     """Convert a CSS colour name or `#rrggbb` to `#rrggbb`. Raises `ValueError` if the text is not a colour."""
-    from build123d import Color
-
     return hexadecimal(Color(text))

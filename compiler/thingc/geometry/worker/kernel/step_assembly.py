@@ -13,9 +13,25 @@ import tempfile
 from typing import Any
 
 from msgspec import convert
+from OCP.BinTools import BinTools
+from OCP.Interface import Interface_Static
+from OCP.Message import Message, Message_Gravity
+from OCP.Quantity import Quantity_Color, Quantity_TypeOfColor
+from OCP.STEPCAFControl import STEPCAFControl_Writer
+from OCP.STEPControl import STEPControl_AsIs
+from OCP.TCollection import TCollection_ExtendedString
+from OCP.TDataStd import TDataStd_Name
+from OCP.TDocStd import TDocStd_Document
+from OCP.TopAbs import TopAbs_COMPOUND, TopAbs_FACE, TopAbs_SOLID
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS_Iterator, TopoDS_Shape
+from OCP.XCAFApp import XCAFApp_Application
+from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
 from thingc.base.pose import Pose
 from thingc.geometry.store.local import Store
+from thingc.geometry.worker.kernel.convert import transformation
+from thingc.geometry.worker.kernel.integrals import subshapes
 from thingc.geometry.worker.kernel.step_order import sort_styles, without_noise
 
 _HEADER = re.compile(rb"HEADER;.*?ENDSEC;", re.DOTALL)
@@ -37,11 +53,6 @@ def assemble(name: str, instances: list[dict[str, Any]], store: Store) -> dict[s
 
 def write_part(name: str, shape: Any, color: str | None) -> bytes:
     """Write the STEP file (AP242, mm) of one part with a name and a colour, and return its content."""
-    from OCP.TopAbs import TopAbs_FACE, TopAbs_SOLID
-    from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
-
-    from thingc.geometry.worker.kernel.integrals import subshapes
-
     document = new_document()
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
     label = shapes.AddShape(shape, False)
@@ -58,11 +69,6 @@ def write_part(name: str, shape: Any, color: str | None) -> bytes:
 
 def new_document() -> Any:
     """Create a document of the kernel, and disable the output that the kernel writes to standard output."""
-    from OCP.Message import Message, Message_Gravity
-    from OCP.TCollection import TCollection_ExtendedString
-    from OCP.TDocStd import TDocStd_Document
-    from OCP.XCAFApp import XCAFApp_Application
-
     for printer in list(Message.DefaultMessenger_s().Printers()):
         printer.SetTraceLevel(Message_Gravity.Message_Fail)
     document = TDocStd_Document(TCollection_ExtendedString("thingc"))
@@ -72,10 +78,6 @@ def new_document() -> Any:
 
 def write_document(document: Any, name: str) -> bytes:
     """Write a document of the kernel as a STEP file (AP242, mm), and return its content."""
-    from OCP.Interface import Interface_Static
-    from OCP.STEPCAFControl import STEPCAFControl_Writer
-    from OCP.STEPControl import STEPControl_AsIs
-
     writer = STEPCAFControl_Writer()
     writer.SetNameMode(True)
     writer.SetColorMode(True)
@@ -93,13 +95,6 @@ def write_document(document: Any, name: str) -> bytes:
 
 
 def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Store) -> None:
-    from OCP.TopAbs import TopAbs_COMPOUND
-    from OCP.TopLoc import TopLoc_Location
-    from OCP.TopoDS import TopoDS_Iterator
-    from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
-
-    from thingc.geometry.worker.kernel.convert import transformation
-
     shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
     colors = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
     root = shapes.NewShape()
@@ -144,8 +139,6 @@ def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Stor
 
 def _color(text: str | None) -> Any:
     """Convert a colour `#rrggbb` to a colour of the CAD kernel. Return None if the text is None."""
-    from OCP.Quantity import Quantity_Color, Quantity_TypeOfColor
-
     if text is None:
         return None
     red, green, blue = (int(text[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
@@ -153,17 +146,11 @@ def _color(text: str | None) -> Any:
 
 
 def _name(label: Any, text: str) -> None:
-    from OCP.TCollection import TCollection_ExtendedString
-    from OCP.TDataStd import TDataStd_Name
-
     TDataStd_Name.Set_s(label, TCollection_ExtendedString(text, True))  # True: the text is UTF-8
 
 
 def load_shape(store: Store, sha256: str) -> Any:
     """Read a B-rep from the store."""
-    from OCP.BinTools import BinTools
-    from OCP.TopoDS import TopoDS_Shape
-
     shape = TopoDS_Shape()
     BinTools.Read_s(shape, io.BytesIO(store.read(sha256)))
     return shape
