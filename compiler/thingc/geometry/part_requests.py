@@ -38,7 +38,7 @@ class PartRequest(FrozenStruct):
     request: dict[str, Any]
 
 
-class BuildRequest(PartRequest):
+class RecordRequest(PartRequest):
     """A request to build the part `definition`. `reason` is the reason for building the part."""
 
     definition: PartDefinition
@@ -76,7 +76,7 @@ class PartRequests:
         for definition in definitions:
             self.slicings[definition.reference].update(wanted.get(definition.text, ()))
 
-    def complete(self, requests: Sequence[BuildRequest], likely: Likely) -> list[BuildRequest]:
+    def complete(self, requests: Sequence[RecordRequest], likely: Likely) -> list[RecordRequest]:
         """Add the slicings and the reasons to requests, and return the requests in the order in which workers process them.
 
         Parts that will be sliced come first, because they take longest. `likely` returns the likely slicings of parts whose class does not
@@ -90,12 +90,12 @@ class PartRequests:
         ]
         return sorted(completed, key=lambda one: not one.request["slicings"])
 
-    def with_slicings(self, request: BuildRequest) -> dict[str, Any]:
+    def with_slicings(self, request: RecordRequest) -> dict[str, Any]:
         """Return the complete worker request, with the slicings that are expected for the part's class."""
         slicings = sorted(self.slicings.get(request.definition.reference, ()), key=repr)
         return {**request.request, "slicings": [[asdict(one), own_up] for one, own_up in slicings]}
 
-    def prepare(self, definition: PartDefinition, given: Mapping[str, Value] | None = None) -> BuildRequest | PartFailure:
+    def prepare(self, definition: PartDefinition, given: Mapping[str, Value] | None = None) -> RecordRequest | PartFailure:
         """Prepare the request to build a part definition, or return a failure.
 
         `given` contains the parameters that the request sets. If `given` is None, the result of the method `given_parameters` is used.
@@ -124,4 +124,4 @@ class PartRequests:
             "tessellations": {"fine": asdict(workspace.mesh), "simulation": asdict(workspace.simulation)},
             **self.common_fields(code),
         }
-        return BuildRequest(subject=definition.text, build_key=build_key, code=code, request=request, definition=definition)
+        return RecordRequest(subject=definition.text, build_key=build_key, code=code, request=request, definition=definition)

@@ -18,7 +18,7 @@ from thingc.geometry.key.build_key import record_key
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.part_code import PartCode
 from thingc.geometry.key.result_cache import CANDIDATES, CachedResult, Results
-from thingc.geometry.part_requests import BuildRequest
+from thingc.geometry.part_requests import RecordRequest
 from thingc.geometry.record import Mesh, PartDefinition, PartFailure, PartRecord, WantedPieces
 from thingc.geometry.record_json import blobs_of
 from thingc.geometry.slice_cache import Records
@@ -52,7 +52,7 @@ class CachedRecords:
         """Return the cached record or failure of the part with the build key `key`, or None."""
         return self._results.find("record", key, self._has_files)
 
-    def find(self, request: BuildRequest) -> CachedResult | None:
+    def find(self, request: RecordRequest) -> CachedResult | None:
         """Return the cached record of a part, or None.
 
         If no record has the part's build key, look for a record with the same outline of the code whose executed functions have not
@@ -71,7 +71,7 @@ class CachedRecords:
                 return cached
         return None
 
-    def note_ran(self, request: BuildRequest, ran: Ran | None, reads: list[list[str]]) -> None:
+    def note_ran(self, request: RecordRequest, ran: Ran | None, reads: list[list[str]]) -> None:
         """Store the functions that ran when a part was built, together with its build key and the states of the files that it read.
 
         `ran` contains the numbers of the functions by file (None if unknown).

@@ -25,7 +25,7 @@ from thingc.geometry.key.result_cache import CachedResult, Results
 from thingc.geometry.key.versions import versions_of
 from thingc.geometry.lock.lock import LOCK_FILE, Lock
 from thingc.geometry.lock.reader import LockAnswers
-from thingc.geometry.part_requests import BuildRequest, Likely, PartRequest, PartRequests
+from thingc.geometry.part_requests import Likely, PartRequest, PartRequests, RecordRequest
 from thingc.geometry.print_slices import Slicing
 from thingc.geometry.record import NO_PIECES, Mesh, PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile, WantedPieces
 from thingc.geometry.record_cache import CachedRecords, ConvexAnswers
@@ -272,7 +272,7 @@ class GeometryService:
         self.decisions = {}
         self.wanted = tuple(definitions)
         answers: dict[str, PartRecord | PartFailure] = {}
-        missing: list[BuildRequest] = []
+        missing: list[RecordRequest] = []
         unique = {definition.text: definition for definition in definitions}
         build_keys: dict[str, BuildKey] = {}
         for text, definition in unique.items():
@@ -324,15 +324,15 @@ class GeometryService:
         """Decompose meshes in the store into convex pieces, and return the pieces or the failure of each mesh."""
         return self._convex.pieces(meshes)
 
-    def _model(self, tasks: Sequence[BuildRequest], answers: dict[str, PartRecord | PartFailure]) -> None:
+    def _model(self, tasks: Sequence[RecordRequest], answers: dict[str, PartRecord | PartFailure]) -> None:
         """Build the parts of these tasks in worker processes, and add their records or failures to `answers`.
 
         If another process is building a part, wait for its result.
         """
         by_text = {task.subject: task for task in tasks}
-        built_elsewhere: list[BuildRequest] = []
+        built_elsewhere: list[RecordRequest] = []
 
-        def find(task: BuildRequest) -> bool:
+        def find(task: RecordRequest) -> bool:
             """Return whether another process has built the part since the request was created."""
             cached = self._records.find_record(task.build_key.key)
             if cached is not None:
@@ -362,7 +362,7 @@ class GeometryService:
                 if not find(task):
                     build(self._calls.run([task.request]))
 
-    def _store_result(self, task: BuildRequest, answer: dict[str, Any]) -> PartRecord | PartFailure:
+    def _store_result(self, task: RecordRequest, answer: dict[str, Any]) -> PartRecord | PartFailure:
         """Store the record or failure that a worker created for a part definition, and return it."""
         self._decide(task.subject, False, task.reason)
         self._show_printed(task.definition.label, answer)
@@ -392,7 +392,7 @@ class GeometryService:
         record = record_from_json(value["record"], self.workspace.root)
         return replace(record, code=code.place) if code is not None and code.place is not None else record
 
-    def _reuse(self, request: BuildRequest, cached: CachedResult) -> PartRecord | PartFailure:
+    def _reuse(self, request: RecordRequest, cached: CachedResult) -> PartRecord | PartFailure:
         """Return the cached record of a part, and store its reads and the reason for reusing the part."""
         self._decide(request.subject, True, unchanged_reason(cached.reason))
         self.reads[request.subject] = dict(cached.reads)
