@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from thingc.documents.workspace import Workspace
 from thingc.geometry.build_reasons import BuildReason, unchanged_reason
 from thingc.geometry.features import Features
-from thingc.geometry.key.build_key import BuildKey, schema_key
+from thingc.geometry.key.build_key import schema_key
 from thingc.geometry.key.file_states import state_of
 from thingc.geometry.key.module_key import CodeIngredients
 from thingc.geometry.key.modules import Module
@@ -272,9 +272,9 @@ class GeometryService:
         self.decisions = {}
         self.wanted = tuple(definitions)
         answers: dict[str, PartRecord | PartFailure] = {}
+        requests: dict[str, RecordRequest] = {}
         missing: list[RecordRequest] = []
         unique = {definition.text: definition for definition in definitions}
-        build_keys: dict[str, BuildKey] = {}
         for text, definition in unique.items():
             recent = self._recent.get((definition, convex.get(text, ())))
             if recent is not None and (locked or recent[0].meshes):
@@ -285,14 +285,14 @@ class GeometryService:
             if isinstance(prepared, PartFailure):
                 answers[text] = prepared
                 continue
-            build_keys[text] = prepared.build_key
+            requests[text] = prepared
             cached = self._expected.get(prepared.build_key.key) or self._records.find(prepared)
             if cached is not None:
                 answers[text] = self._reuse(prepared, cached)
             elif locked and (locked_record := self._locked.record(definition)) is not None:
                 self._decide(text, True, f"{LOCK_FILE} contains it")
                 answers[text] = locked_record
-                del build_keys[text]  # no part was built; `thingc why` reports the last build
+                del requests[text]  # no part was built; `thingc why` reports the last build
             else:
                 missing.append(prepared)
         tasks = self._requests.complete(missing, likely)
@@ -301,22 +301,22 @@ class GeometryService:
         with closing(self._build_locks):
             self._model(tasks, answers)
         self._results.remember(
-            (definition.reference, text, build_keys[text])
-            for text, definition in unique.items() if text in build_keys and isinstance(answers[text], PartRecord)
+            (request.definition.reference, text, request.build_key)
+            for text, request in requests.items() if isinstance(answers[text], PartRecord)
         )
-        if build_keys:
+        if requests:
             self._results.note_files({**self.part_code.files(), **self._results.met})
-        places = {text: (unique[text], convex.get(text, ())) for text in answers}
-        new = {text: record for text, record in answers.items() if places[text] not in self._recent}
+        keys = {text: (unique[text], convex.get(text, ())) for text in answers}
+        new = {text: record for text, record in answers.items() if keys[text] not in self._recent}
         self._convex.add(new, convex)
-        self._keep_recent({places[text]: record for text, record in new.items()})
+        self._keep_recent({keys[text]: record for text, record in new.items()})
         answers |= new
         return {text: answers[text] for text in unique}
 
     def _keep_recent(self, answers: Mapping[tuple[PartDefinition, tuple[int, ...]], PartRecord | PartFailure]) -> None:
-        for place, record in answers.items():
-            if isinstance(record, PartRecord) and (decision := self.decisions.get(place[0].text)) is not None:
-                self._recent[place] = record, decision.reason if decision.reused else unchanged_reason(decision.reason)
+        for key, record in answers.items():
+            if isinstance(record, PartRecord) and (decision := self.decisions.get(key[0].text)) is not None:
+                self._recent[key] = record, decision.reason if decision.reused else unchanged_reason(decision.reason)
         while len(self._recent) > RECENT:
             del self._recent[next(iter(self._recent))]
 

@@ -37,11 +37,11 @@ MACHINERY = frozenset({"importlib", "logging", "tempfile", "threading", "warning
 class ImpureInputRecorder:
     """Records the impure inputs of one part, from `start` to `stop`.
 
-    The function `own` returns whether a file contains code of the part's authors.
+    The function `is_own` returns whether a file contains code of the part's authors.
     """
 
     def __init__(self, is_own: Callable[[str], bool]) -> None:
-        self._own = is_own
+        self._is_own = is_own
         self._skipped = (*installed_roots(), os.path.join(OWN_FOLDER, ""), "<")
         self._found: dict[PartWarning, None] = {}
         self.seeded: set[str] = set()
@@ -74,7 +74,7 @@ class ImpureInputRecorder:
         """Record the use of an impure input in the stack frame `frame`. Return False if the use is not caused by part code."""
         while frame is not None:
             file = frame.f_code.co_filename
-            if self._own(file):
+            if self._is_own(file):
                 self._found[PartWarning(message=message, file=file, line=frame.f_lineno, asked=what)] = None
                 return True
             if str(frame.f_globals.get("__name__")).partition(".")[0] in MACHINERY or not file.startswith(self._skipped):

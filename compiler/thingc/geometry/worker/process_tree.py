@@ -130,10 +130,10 @@ def end_descendants(process: int) -> None:
         _signal(one, signal.SIGKILL)
 
 
-def end_all_but(kept: Collection[int]) -> None:
-    """Kill the children of this process that are not in `kept`, with their descendants, and wait until they have ended."""
+def end_all_but(others: Collection[int]) -> None:
+    """Kill the children of this process that are not in `others`, with their descendants, and wait until they have ended."""
     last = time.monotonic() + PATIENCE
-    while (strays := [process for process in children(os.getpid()) if process not in kept]) and time.monotonic() < last:
+    while (strays := [process for process in children(os.getpid()) if process not in others]) and time.monotonic() < last:
         for stray in strays:
             end_descendants(stray)
             _signal(stray, signal.SIGKILL)
