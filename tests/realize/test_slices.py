@@ -229,7 +229,7 @@ def test_new_infill_percentage_needs_no_worker(spot: Place) -> None:
         later = pipeline.compile(environment)
         assert later.assembly is not None and not later.report.diagnostics
         assert later.assembly.occurrences[0].properties.mass == pytest.approx(masses[20] + 13 * (masses[40] - masses[20]) / 20, rel=1e-9)
-        assert environment.geometry._workers is None, "a worker was started"
+        assert environment.geometry._calls.workers is None, "a worker was started"
         assert not later.modelled
 
 

@@ -19,7 +19,7 @@ from thingc.modes.errors import ModesError, WrongData
 from thingc.modes.frames import Array, pose, quaternion_of, rotation_of
 from thingc.modes.placements import find_displaced
 from thingc.modes.state import State
-from thingc.modes.tree import Inertias, Mode
+from thingc.modes.tree import Inertias, Mode, base_values
 
 Result = TypeVar("Result")
 
@@ -185,14 +185,10 @@ def write_state(mode: Mode, state: State[Array], model_map: ModelMap, data: Any)
 
     The function changes only `qpos`, `qvel` and the mocap pose of the robot.
     """
-    position, quaternion = state.base[:3, 3], quaternion_of(state.base[:3, :3])
     qpos, qvel = data.qpos, data.qvel
-    if mode.base == "free":
-        qpos[model_map.base[0]], qvel[model_map.base[1]] = np.concatenate([position, quaternion]), state.twist
-    elif mode.part is not None:
-        qpos[model_map.base[0]], qvel[model_map.base[1]] = mode.part.qpos(state.base), mode.part.qvel(state.base, state.twist)
-    elif mode.base == "held":
-        data.mocap_pos[model_map.mocap], data.mocap_quat[model_map.mocap] = position, quaternion
+    qpos[model_map.base[0]], qvel[model_map.base[1]] = base_values(mode, state)
+    if mode.base == "held":
+        data.mocap_pos[model_map.mocap], data.mocap_quat[model_map.mocap] = state.base[:3, 3], quaternion_of(state.base[:3, :3])
     model_map.addresses.write(state.q, state.v, qpos, qvel)
     free_joints.write(mode, state, qpos, qvel, model_map.joints)
 

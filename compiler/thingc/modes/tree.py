@@ -333,17 +333,21 @@ class Mode(OneLineRepr):
     def _values(self, state: RobotState) -> tuple[Array, Array]:
         """Return the arrays `qpos` and `qvel` of this mode's MuJoCo model for a state."""
         arrays = self.arrays(state)
-        qpos, qvel = np.zeros(0), np.zeros(0)
-        if self.base == "free":
-            qpos, qvel = np.concatenate([arrays.base[:3, 3], quaternion_of(arrays.base[:3, :3])]), arrays.twist
-        elif self.part is not None:
-            qpos, qvel = self.part.qpos(arrays.base), self.part.qvel(arrays.base, arrays.twist)
         qpos, qvel = (
             np.concatenate([base, np.zeros(len({address for joint in self.joints for address in getattr(joint, field)}))])
-            for base, field in ((qpos, "qpos"), (qvel, "dof"))
+            for base, field in zip(base_values(self, arrays), ("qpos", "dof"), strict=True)
         )
         addresses = {name: pair for joint in self.joints for name, *pair in zip(joint.in_model, joint.qpos, joint.dof)}
         Addresses(self, addresses).write(arrays.q, arrays.v, qpos, qvel)
         first = {joint.in_data: (joint.qpos[0], joint.dof[0]) for joint in self.joints}
         free_joints.write(self, arrays, qpos, qvel, first)
         return qpos, qvel
+
+
+def base_values(mode: Mode, state: State[Array]) -> tuple[Array, Array]:
+    """Return the values of MuJoCo's `qpos` and `qvel` for the base of a mode. Both arrays are empty for a fixed or held base."""
+    if mode.base == "free":
+        return np.concatenate([state.base[:3, 3], quaternion_of(state.base[:3, :3])]), state.twist
+    if mode.part is not None:
+        return mode.part.qpos(state.base), mode.part.qvel(state.base, state.twist)
+    return np.zeros(0), np.zeros(0)
