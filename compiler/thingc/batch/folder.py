@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import json
 import os
 import re
@@ -13,12 +12,13 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
-from thingc.base.filesystem import BadPath, listing, lock
+from thingc.base.filesystem import NO_ROOM, BadPath, listing
 from thingc.base.safe_text import json_text, quote_names
 from thingc.base.suggestions import Hint, text_of
 from thingc.batch import folder_layout
 from thingc.batch.packed_layout import DamagedChunk, complete
-from thingc.driver.output import NOTHING, same_file
+from thingc.driver.output import NOTHING
+from thingc.driver.output import lock_folder as lock_output_folder
 from thingc.driver.output import unexpected_files as unexpected_in_build
 from thingc.driver.up_to_date import state_of
 from thingc.geometry.store.file_digests import Digests
@@ -47,30 +47,15 @@ class BatchFault(Exception):
         self.diagnostic = Diagnostic(code=code, severity=Severity.ERROR, message=message, help=text_of(help), detail=detail)
 
 
-@contextlib.contextmanager
-def lock_folder(folder: str) -> Iterator[None]:
+def lock_folder(folder: str) -> contextlib.AbstractContextManager[None]:
     """Lock the folder of a batch while the context is active. Raises `BatchFault` if another process has locked the folder."""
-    parent, name = os.path.split(folder)
-    os.makedirs(parent, exist_ok=True)
-    path = os.path.join(parent, f".{name}.thingc-lock")
-    with contextlib.ExitStack() as leaving:
-        descriptor = -1
-        while descriptor < 0 or not same_file(descriptor, path):  # a batch that has just ended has deleted its lock file
-            leaving.close()
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-            leaving.callback(os.close, descriptor)
-            try:
-                lock(descriptor)
-            except BlockingIOError:
-                raise BatchFault(
-                    Code.BATCH_LOCKED, f"another batch is being written to `{shown_path(folder)}`",
-                    "wait until it has finished, or use another folder with -o",
-                ) from None
-        try:
-            yield
-        finally:
-            with contextlib.suppress(OSError):
-                os.unlink(path)
+
+    def refuse(locked: str) -> None:
+        message = f"another batch is being written to `{shown_path(locked)}`"
+        raise BatchFault(Code.BATCH_LOCKED, message, "wait until it has finished, or use another folder with -o")
+
+    os.makedirs(os.path.dirname(folder), exist_ok=True)
+    return lock_output_folder(folder, refuse)
 
 
 def read_batch(folder: str) -> dict[str, Any] | None:
@@ -285,7 +270,7 @@ def explain_os_error(folder: str, fault: OSError) -> BatchFault:
         message = f"a file of the batch in `{shown_path(folder)}` is damaged: {fault}"
         return BatchFault(Code.BATCH_CHANGED, message, "delete the folder and build the batch again")
     place = shown_path(str(fault.filename)) if fault.filename is not None else shown_path(folder)
-    if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+    if fault.errno in NO_ROOM:
         return BatchFault(
             Code.OUTPUT, f"there is not enough space for the batch in `{shown_path(folder)}`: {os.strerror(fault.errno)}",
             "free some space and continue with --resume; built variants remain",

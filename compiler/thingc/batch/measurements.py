@@ -21,11 +21,12 @@ from typing import TYPE_CHECKING
 from thingc.base.diagnostics import Code, UserError
 from thingc.base.inertia import total
 from thingc.base.memo import Memo
-from thingc.base.numeric import dist, inf, maximum, minimum
-from thingc.base.pose import Pose, Vector
+from thingc.base.numeric import dist
+from thingc.base.pose import Pose
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import ANGLE, LENGTH, MASS, NUMBER, Dimension
 from thingc.model.assembly.kinematics import coordinates, joints_of
+from thingc.model.assembly.shape_links import bounding_box
 from thingc.model.assembly.types import Assembly
 from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.tree import in_link
@@ -42,6 +43,9 @@ SITE = "site:"
 """Prefix of the names of results that are positions of mounts."""
 TORQUES = "torque_margin"
 """The name of the result that requires the torques of all drives."""
+
+INERTIAS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""The rows and columns of the elements of the inertia that are results, in order."""
 
 TEST = "tests."
 """Prefix of the names of values that document tests measure."""
@@ -77,11 +81,7 @@ def measure(
     robot_inertia = total(link.properties.seen_from(assembly.rest[link.frame]) for link in assembly.links)
     results: Results = {"mass": robot_inertia.mass}
     results.update({f"centre.{axis}": value for axis, value in zip("xyz", robot_inertia.centre)})
-    i = robot_inertia.inertia
-    results.update({
-        "inertia.xx": i[0][0], "inertia.yy": i[1][1], "inertia.zz": i[2][2],
-        "inertia.xy": i[0][1], "inertia.xz": i[0][2], "inertia.yz": i[1][2],
-    })
+    results.update({f"inertia.{'xyz'[j]}{'xyz'[k]}": robot_inertia.inertia[j][k] for j, k in INERTIAS})
     within = in_link(assembly)
     results.update(lengths(assembly, within))
     ends = [_mount(assembly, text) for text in reach or ()]
@@ -92,7 +92,8 @@ def measure(
     q, bodies = placed
     at = {body.link: body_pose for body, body_pose in zip(robot.bodies, bodies)}
     occurrences = [at[link] @ inner for link, inner in zip(assembly.link_of, within)]
-    box = bounding_box(assembly, occurrences)
+    parts = zip(assembly.occurrences, occurrences, strict=True)
+    box = bounding_box([part_pose.around(part.box) for part, part_pose in parts if part.box is not None])
     if box is not None:
         results.update({f"box.{axis}": high - low for axis, low, high in zip("xyz", *box)})
     if ends:
@@ -167,23 +168,6 @@ def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
         previous_end = within[previous.child].apply(previous.X_JC.inverse().translation)
         distances[f"length.{mate.name.replace('/', '.')}"] = dist(start, previous_end)
     return distances
-
-
-def bounding_box(assembly: Assembly, poses: Sequence[Pose]) -> tuple[Vector, Vector] | None:
-    """Return the smallest and the largest corner [m] of the bounding box of all parts, or None if the robot does not have geometry.
-
-    `poses` contains the pose of each component in the world.
-    """
-    low, high = [inf] * 3, [-inf] * 3
-    for occurrence, pose in zip(assembly.occurrences, poses, strict=True):
-        box = occurrence.box
-        if box is None:
-            continue
-        lowest, highest = pose.around(box)
-        low, high = list(map(minimum, low, lowest)), list(map(maximum, high, highest))
-    if low[0] > high[0]:
-        return None
-    return (low[0], low[1], low[2]), (high[0], high[1], high[2])
 
 
 def _mount(assembly: Assembly, text: str) -> tuple[int, str]:

@@ -56,24 +56,17 @@ def evenly_spaced(first: str, last: str, count: int) -> list[Quantity] | None:
     Each quantity is rounded only once. For example, four values from `60 mm` to `90 mm` include exactly 70 mm. Return None if the two
     strings have different units.
     """
-    ends: list[Fraction] = []
-    units: list[str] = []
-    for text in (first, last):
-        number = scan_number(text.strip())
-        if number is None:
-            return None
-        ends.append(Fraction(*exact(number[0])))
-        units.append(text.strip()[number[1]:].strip())
-    if units[0] != units[1]:
+    low, high, unit = scan_number(first.strip()), scan_number(last.strip()), unit_in(first)
+    if low is None or high is None or unit != unit_in(last):
         return None
-    numbers = [ends[0] + (ends[1] - ends[0]) * Fraction(k, count - 1) for k in range(count)]
-    if not units[0]:
+    numbers = _evenly_spaced(Fraction(*exact(low[0])), Fraction(*exact(high[0])), count)
+    if not unit:
         return [Quantity(float(number) + 0.0) for number in numbers]
     try:
-        (numerator, denominator, dimension), _ = scan_unit(units[0], 0)
+        (numerator, denominator, dimension), _ = scan_unit(unit, 0)
     except UnitError:
         return None
-    if units[0] == "deg":  # use `math.radians`, as for units in documents
+    if unit == "deg":  # use `math.radians`, as for units in documents
         return [Quantity(math.radians(float(number)) + 0.0, dimension) for number in numbers]
     return [Quantity(float(number * Fraction(numerator, denominator)) + 0.0, dimension) for number in numbers]
 
@@ -83,8 +76,12 @@ def spaced_si(first: Quantity, last: Quantity, count: int) -> list[Quantity]:
 
     The quantities are computed from the decimal representation of the SI values.
     """
-    a, b = Fraction(Decimal(repr(first.value))), Fraction(Decimal(repr(last.value)))
-    return [Quantity(float(a + (b - a) * Fraction(k, count - 1)) + 0.0, first.dimension) for k in range(count)]
+    numbers = _evenly_spaced(Fraction(Decimal(repr(first.value))), Fraction(Decimal(repr(last.value))), count)
+    return [Quantity(float(number) + 0.0, first.dimension) for number in numbers]
+
+
+def _evenly_spaced(first: Fraction, last: Fraction, count: int) -> list[Fraction]:
+    return [first + (last - first) * Fraction(k, count - 1) for k in range(count)]
 
 
 def is_whole(text: str | None) -> bool:

@@ -23,7 +23,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, NoReturn, Protocol
 
 from thingc.base.diagnostics import Code, UserError, shown_path
-from thingc.base.filesystem import check_tree, exchange, lock
+from thingc.base.filesystem import NO_ROOM, check_tree, exchange, lock
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import quote_names
 from thingc.geometry.store.file_digests import Digests, digest_of
@@ -106,7 +106,7 @@ def write_build(
     folder = build_folder(parent, name)
     try:
         os.makedirs(os.path.dirname(folder), exist_ok=True)
-        with _lock_folder(folder, on_wait):
+        with lock_folder(folder, on_wait):
             _complete_renames(folder)
             digests: Digests = {}
             unexpected = _refuse_unexpected(folder, document, files, digests, force=force)
@@ -143,7 +143,7 @@ def write_new(folder: str, files: Mapping[str, bytes]) -> str:
     try:
         os.makedirs(os.path.dirname(folder), exist_ok=True)
         base = os.path.join(folder, os.path.basename(folder)) if exists else folder
-        with _lock_folder(base, refuse):
+        with lock_folder(base, refuse):
             new_folder = _sibling_path(base, "new")
             if not exists and os.path.lexists(folder):
                 raise OutputError(f"`{display_path}` already exists and is a file", "choose another name, or move the file")
@@ -275,11 +275,12 @@ def _sibling_path(folder: str, suffix: str) -> str:
 
 
 @contextlib.contextmanager
-def _lock_folder(folder: str, on_wait: Waiting | None) -> Iterator[None]:
-    """Lock a build folder until the context ends. Only one build at a time can write the folder.
+def lock_folder(folder: str, on_wait: Waiting | None) -> Iterator[None]:
+    """Lock a folder of outputs until the context ends. Only one build or batch at a time can write the folder.
 
-    The callback `on_wait` is called before waiting for the lock. A build deletes the lock file when it releases the lock. After waiting,
-    the function therefore checks whether the path of the lock file still refers to the locked file.
+    The callback `on_wait` is called before waiting for the lock, and can raise an exception instead of waiting. A build deletes the lock
+    file when it releases the lock. After waiting, the function therefore checks whether the path of the lock file still refers to the
+    locked file.
     """
     path = _sibling_path(folder, "lock")
     notified = False
@@ -293,7 +294,7 @@ def _lock_folder(folder: str, on_wait: Waiting | None) -> Iterator[None]:
                     on_wait(folder)
                 notified = True
                 lock(descriptor, wait=True)
-            if same_file(descriptor, path):
+            if _same_file(descriptor, path):
                 break
         except BaseException:
             os.close(descriptor)
@@ -307,7 +308,7 @@ def _lock_folder(folder: str, on_wait: Waiting | None) -> Iterator[None]:
         os.close(descriptor)
 
 
-def same_file(descriptor: int, path: str) -> bool:
+def _same_file(descriptor: int, path: str) -> bool:
     """Return whether an open file and a path refer to the same file on disk."""
     try:
         return os.path.samestat(os.fstat(descriptor), os.stat(path))
@@ -473,10 +474,8 @@ def _listing(folder: str) -> list[str]:
     return files
 
 
-NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-
 FAULT_HELP = {
-    **dict.fromkeys(NO_SPACE, "free some space, or"), errno.ENAMETOOLONG: "use shorter names in the document, or",
+    **dict.fromkeys(NO_ROOM, "free some space, or"), errno.ENAMETOOLONG: "use shorter names in the document, or",
     **dict.fromkeys((errno.EACCES, errno.EPERM, errno.EROFS), "make the folder writable, or"),
     **dict.fromkeys((errno.EEXIST, errno.ENOTDIR), "move the existing file, or"),
 }
@@ -486,7 +485,7 @@ FAULT_HELP = {
 def _fault_text(folder: str, fault: OSError) -> str:
     """Format an error of the operating system as a message that explains why the build folder cannot be written."""
     display_path = shown_path(folder)
-    if fault.errno in NO_SPACE:
+    if fault.errno in NO_ROOM:
         return f"there is not enough space for the build in `{display_path}`: {os.strerror(fault.errno)}"
     reason = fault.strerror or str(fault)
     return f"cannot write the build to `{display_path}`: {reason}"

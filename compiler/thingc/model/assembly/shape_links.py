@@ -38,7 +38,7 @@ def list_shapes(definition: LinkDefinition, material: Material | None, meshes: M
         drawn=tuple(surface for shape in definition.shapes if shape.drawn for surface in _surfaces(shape, material, meshes)),
         touching=tuple(surface for shape in definition.shapes if shape.touches for surface in _touching(shape, material, meshes)),
         solids=tuple(surface for shape in solid_shapes(definition) for surface in _solid(shape, material, meshes)),
-        box=_bounding_box([box for box in boxes if box is not None]) if None not in boxes else None,
+        box=bounding_box([box for box in boxes if box is not None]) if None not in boxes else None,
     )
 
 
@@ -103,7 +103,7 @@ def _mesh_surface(shape: LinkShape, file: MeshFile, record: MeshRecord, material
     )
 
 
-def _bounding_box(boxes: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector] | None:
+def bounding_box(boxes: Sequence[tuple[Vector, Vector]]) -> tuple[Vector, Vector] | None:
     """Return the smallest box (two corners [m]) that contains several boxes. Return None for an empty list."""
     corners = [corner for box in boxes for corner in box]
     if not corners:

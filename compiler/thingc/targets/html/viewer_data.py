@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from thingc.base.inertia import MassProperties, principal_axes
 from thingc.base.joints.twist import Twist
 from thingc.base.pose import NO_POSE, Pose
-from thingc.base.source import Origin
+from thingc.base.source import Origin, Span
 from thingc.documents.workspace import Workspace
 from thingc.geometry.record import Mesh, PartDefinition
 from thingc.model.assembly.kinematics import coordinates, joints_of
@@ -89,6 +89,13 @@ def image_url(workspace: Workspace, path: str | None) -> str | None:
         return None
 
 
+def source_location(span: Span | None, workspace: Workspace | None) -> Data:
+    """Return `file` (the path in the workspace) and `line` of a source location. Both are null if the location is not in a file."""
+    if span is None or span.option is not None or workspace is None:
+        return {"file": None, "line": None}
+    return {"file": workspace.relative(span.file), "line": span.line}
+
+
 class _SourceLocations:
     """Looks up source locations in files of the workspace. Absolute paths are omitted, because they differ between machines."""
 
@@ -98,10 +105,7 @@ class _SourceLocations:
 
     def location(self, origin: Origin) -> Data:
         """Return `file` and `line` of the first location in an origin. Return null if the origin is empty."""
-        span = next(iter(origin), None)
-        if span is None or span.option is not None:
-            return {"file": None, "line": None}
-        return {"file": self._workspace.relative(span.file), "line": span.line}
+        return source_location(next(iter(origin), None), self._workspace)
 
     def code(self, path: str, reference: str) -> Data:
         """Return `file` and `line` of the class or function of a part. Return null if the file is outside of the workspace.

@@ -24,9 +24,9 @@ from typing import Any
 from thingc.base.diagnostics import Diagnostic
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.safe_text import json_text
-from thingc.base.source import Span
 from thingc.documents.workspace import Workspace
 from thingc.targets.html.emit import Page, waiting
+from thingc.targets.html.viewer_data import source_location
 
 LOOPBACK = "127.0.0.1"
 SILENCE = 15.0
@@ -204,21 +204,11 @@ def findings_of(diagnostics: Sequence[Diagnostic], workspace: Workspace | None) 
     return [
         {
             "code": d.code.code, "severity": d.severity.value, "message": d.message, "help": d.advice,
-            **_location_json(d.span, workspace),
-            "notes": [{"message": note.message, **_location_json(note.span, workspace)} for note in d.notes],
+            **source_location(d.span, workspace),
+            "notes": [{"message": note.message, **source_location(note.span, workspace)} for note in d.notes],
         }
         for d in diagnostics
     ]
-
-
-def _location_json(span: Span | None, workspace: Workspace | None) -> dict[str, object]:
-    """Convert a source location to a JSON object with `file` (path in the workspace) and `line`.
-
-    Both are null if the location is not in a file.
-    """
-    if span is None or span.option is not None or workspace is None:
-        return {"file": None, "line": None}
-    return {"file": workspace.relative(span.file), "line": span.line}
 
 
 class _Handler(BaseHTTPRequestHandler):
