@@ -95,9 +95,7 @@ def _needs_of(path: str, store: Store | None) -> _Needs:
         folders=tuple(os.path.realpath(folder) for folder in folders),
         assembly=documents.root.kind == "assembly",
         modes=documents.root.kind == "assembly" and "modes" in documents.root.tree.entries,
-        nested=frozenset(
-            os.path.realpath(document.path) for document in documents.by_path.values() if document is not documents.root
-        ),
+        nested=frozenset(os.path.realpath(one.path) for one in documents.by_path.values() if one is not documents.root),
         varies=frozenset(
             os.path.realpath(varied) for text in _texts(documents.root, "assembly") if (varied := resolve_path(text, path)) is not None
         ) if documents.root.kind == "variants" else frozenset(),
@@ -128,10 +126,8 @@ def _files(documents: Documents) -> Iterator[str]:
     for document in documents.by_path.values():
         yield document.path
         for key in ("assembly", "materials", "file"):
-            for text in _texts(document, key):
-                path = resolve_path(text, document.path)
-                if path is not None:
-                    yield path
+            paths = (resolve_path(text, document.path) for text in _texts(document, key))
+            yield from (path for path in paths if path is not None)
 
 
 def _texts(document: Document, key: str) -> Iterator[str]:

@@ -118,9 +118,8 @@ class _Reader:
             q = motor.sign * (value - motor.offset) / ticks
             for limit, beyond in zip(limits, (-1.0, 1.0), strict=True):
                 if limit is not None and beyond * (q - limit) > 1.0 / ticks:
-                    side = "upper" if beyond > 0 else "lower"
-                    shown, end = joint.twist.format(q), joint.twist.format(limit)
-                    message = f"{value} ticks are {shown}, beyond the {side} limit {end} of joint `{name}`"
+                    side, position, end = "upper" if beyond > 0 else "lower", joint.twist.format(q), joint.twist.format(limit)
+                    message = f"{value} ticks are {position}, beyond the {side} limit {end} of joint `{name}`"
                     help = "correct `offset` and `sign`, or the limits of the robot"
                     self._error(Code.OUT_OF_RANGE, message, "range", number, help=help, name=name)
         return motor.range[0], motor.range[1]

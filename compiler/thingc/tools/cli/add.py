@@ -39,7 +39,6 @@ from thingc.driver.environment import Options
 from thingc.tools.cli import console, signals
 from thingc.tools.cli.add_templates import BASES, STUBS, DocumentEdit
 
-WHAT = ("part", "assembly", "mode", "joint", "test")
 OPTIONS = {
     "on": ("part", "assembly"), "at": ("part", "assembly"), "by": ("part", "assembly"), "component": ("part", "assembly"),
     "param": ("part", "assembly"), "new": ("part",), "root": ("mode",), "base": ("mode",), "pose": ("mode",),
@@ -52,7 +51,7 @@ OPTIONS = {
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc add` to the parser."""
     add = parser.add_argument
-    add("what", type=console.one_of(WHAT), metavar="{" + ",".join(WHAT) + "}", help="kind of the new element")
+    add("what", type=console.one_of(list(STUBS)), metavar="{" + ",".join(STUBS) + "}", help="kind of the new element")
     add("name", metavar="NAME", help="name of the element; for a part: class or MODULE:CLASS; for an assembly: a document, existing or new")
     add("--to", metavar="DOC", help="the document to change (optional for parts and assemblies)")
     add("--on", metavar="MOUNT", help="for parts and assemblies: the mount to which the new component is attached")
@@ -111,9 +110,8 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
                 raise console.WrongCommandLine(f"--{option} requires --to", "add --to with the document")
         return _write(arguments, options, None, STUBS[kind](arguments, None))
     if arguments.on is not None and arguments.at is not None:
-        raise console.WrongCommandLine(
-            "--on cannot be combined with --at", "use only one of the two options: --on attaches a mount, --at places a frame",
-        )
+        help = "use only one of the two options: --on attaches a mount, --at places a frame"
+        raise console.WrongCommandLine("--on cannot be combined with --at", help)
     if arguments.by is not None and arguments.on is None:
         raise console.WrongCommandLine("--by requires --on", "add --on with the mount")
     console.require_document(arguments.to)

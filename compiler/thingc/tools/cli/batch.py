@@ -256,8 +256,7 @@ def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[st
     from thingc.batch.dry_run import forecast
 
     planned = plan(arguments.document, options=options)
-    if targets:
-        planned = replace(planned, emit=targets)
+    planned = replace(planned, emit=targets or planned.emit)
     foreseen = forecast(planned, options, arguments.limit)
     if arguments.format == "json":
         console.print_json(
@@ -310,8 +309,7 @@ def _format_dry_run(planned: Plan, forecast: DryRun) -> list[str]:
     """Format the result of a dry run as lines of text."""
     all_of_them = format_count(planned.count, "variant")
     some = f"{forecast.count} of {all_of_them}" if forecast.count != planned.count else all_of_them
-    lines = [f"{planned.name}: {some} of {planned.assembly_relative}; modes {', '.join(planned.modes)}; "
-             f"targets {', '.join(planned.emit)}"]
+    lines = [f"{planned.name}: {some} of {planned.assembly_relative}; modes {', '.join(planned.modes)}; targets {', '.join(planned.emit)}"]
     for axis in planned.axes:
         if axis.range is not None:
             lines.append(f"  {axis.key}: {axis.range[0]} to {axis.range[1]}{', whole numbers' if axis.whole else ''}")

@@ -242,10 +242,10 @@ def options_of(arguments: argparse.Namespace) -> Options:
 
 
 def compile_document(
-    arguments: argparse.Namespace, process: Callable[[Environment, Compilation, Assembly], Answer], modes: Sequence[str] = (),
+    arguments: argparse.Namespace, process: Callable[[Environment, Compilation, Assembly], Answer], mode: str | None = None,
     **options: object,
 ) -> tuple[list[Diagnostic], Answer | None]:
-    """Compile the document of a command, and call `process` if the document has no errors.
+    """Compile the document of a command in one mode, by default in all modes, and call `process` if the document has no errors.
 
     Return the diagnostics, and the result of `process`, or None after errors. `options` replaces compile options of the command line. The
     diagnostics contain an `UnknownChoice` that was raised. Raises `WrongCommandLine`.
@@ -255,7 +255,7 @@ def compile_document(
     from thingc.driver import pipeline
 
     def compile_and_process(environment: Environment) -> tuple[list[Diagnostic], Answer | None]:
-        compilation = pipeline.compile(environment, modes)
+        compilation = pipeline.compile(environment, () if mode is None else [mode])
         assembly = None if exit_code(final(compilation.report, strict=arguments.strict)) else compilation.assembly
         answer = None if assembly is None else process(environment, compilation, assembly)
         return final(compilation.report, strict=arguments.strict), answer
@@ -277,10 +277,9 @@ def require_document(path: str) -> None:
         return
     folder = path if is_folder else os.path.dirname(path) or "."
     prefix = os.path.join(path, "") if is_folder else os.path.dirname(path)
-    settings = (OWN_FILE, SHARED_FILE)
     nearby = [
         os.path.join(prefix, name) for name in listing(folder)
-        if name.lower().endswith(DOCUMENT_SUFFIXES) and name not in settings and not name.startswith(".")
+        if name.lower().endswith(DOCUMENT_SUFFIXES) and name not in (OWN_FILE, SHARED_FILE) and not name.startswith(".")
     ]
     if is_folder:
         raise WrongCommandLine(f"expected a document, found the folder `{path}`", suggest_document("", folder, nearby), Code.NO_DOCUMENT)
@@ -386,14 +385,10 @@ def say(*lines: str, stream: TextIO | None = None) -> None:
     stream.flush()
 
 
-def say_lines_of_documents(lines: Iterable[str]) -> None:
-    """Print lines of a document to standard output. Control characters other than tabs are escaped."""
-    sys.stdout.write("".join(f"{shown_line(line)}\n" for line in lines))
-
-
 def say_diff(name: str, old: str, new: str) -> None:
-    """Print the difference between the old and the new text of a document as a unified diff."""
-    say_lines_of_documents(difflib.unified_diff(old.splitlines(), new.splitlines(), name, name, lineterm=""))
+    """Print the difference between two texts of a document as a unified diff. Control characters other than tabs are escaped."""
+    lines = difflib.unified_diff(old.splitlines(keepends=True), new.splitlines(keepends=True), name, name)
+    sys.stdout.write("".join(shown_line(line.rstrip("\r\n")) + "\n" for line in lines))
 
 
 @contextmanager

@@ -68,10 +68,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc diff`. Return the exit code 1 if a kind of element in `--fail-on` changed or one side cannot be compiled, else 0."""
     watched = fail_on(arguments.fail_on)
     options = console.options_of(arguments)
-    request = parse_sides(arguments.side, arguments.behind)
     try:
         with ExitStack() as stack:
-            answer = _answer(arguments, request, options, stack)
+            answer = _answer(arguments, parse_sides(arguments.side, arguments.behind), options, stack)
     except BrokenSide as broken:
         form = "json" if arguments.format == "json" else "text"
         console.print_found(broken.diagnostics, form, stream=sys.stdout, debug=arguments.debug, texts=broken.texts)

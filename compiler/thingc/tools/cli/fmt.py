@@ -11,7 +11,6 @@ one empty line. Comments and values never change.
 from __future__ import annotations
 
 import argparse
-import difflib
 import os
 import sys
 from collections.abc import Iterator
@@ -90,7 +89,7 @@ def _one(path: str, arguments: argparse.Namespace, report: Report) -> bool:
     if formatted is None or formatted == data:
         return False
     if arguments.diff:
-        _print_diff(path, data, formatted)
+        console.say_diff(path, data.decode("utf-8-sig"), formatted.decode("utf-8-sig"))
     elif arguments.check:
         console.say(f"{path}: would be changed")
     else:
@@ -103,24 +102,18 @@ def _one(path: str, arguments: argparse.Namespace, report: Report) -> bool:
     return True
 
 
-def _print_diff(path: str, before: bytes, after: bytes) -> None:
-    old, new = (data.decode("utf-8-sig").splitlines(keepends=True) for data in (before, after))
-    console.say_lines_of_documents(line.rstrip("\r\n") for line in difflib.unified_diff(old, new, path, path))
-
-
 def _standard_input(arguments: argparse.Namespace) -> int:
     data = sys.stdin.buffer.read(10_000_001)
     report = Report()
     # the first key shows the format: `thingc:` or `thingc =`
-    toml = any(line.replace(b" ", b"").startswith(b"thingc=") for line in data.splitlines())
-    name = "<stdin>.toml" if toml else "<stdin>"
+    name = "<stdin>.toml" if any(line.replace(b" ", b"").startswith(b"thingc=") for line in data.splitlines()) else "<stdin>"
     formatted = format_document(name, data, report)
     if formatted is None:
         texts = {name: data.decode("utf-8-sig", errors="replace")}
         return console.print_text(report.sorted_diagnostics(), stream=sys.stderr, debug=False, texts=texts)
     changed = formatted != data
     if arguments.diff:
-        _print_diff("<stdin>", data, formatted)
+        console.say_diff("<stdin>", data.decode("utf-8-sig"), formatted.decode("utf-8-sig"))
     elif not arguments.check:
         console.write_raw(formatted)
     return int(arguments.check and changed)

@@ -34,8 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     except console.WrongCommandLine as fault:
         return console.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
     compilation = with_environment(arguments.document, options, compile)
-    diagnostics = console.final(compilation.report, strict=arguments.strict)
-    code = console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+    code = console.print_text(console.final(compilation.report, strict=arguments.strict), stream=sys.stderr, debug=arguments.debug)
     if code == 0 and compilation.assembly is not None:
         from thingc.targets.hag import emit as hag
 

@@ -184,12 +184,9 @@ def _would(arguments: argparse.Namespace, imported: Imported) -> list[str]:
 
 
 def _read(arguments: argparse.Namespace, imported: Imported) -> str:
-    robot = imported.robot
-    joints = [joint for one in robot.attachments for joint in one.joints]
-    meshes = len([name for name in imported.files if name.startswith("meshes/")])
-    things = [
-        format_count(len(robot.links), "link"), format_count(len(joints), "joint"), *([format_count(meshes, "mesh")] if meshes else []),
-    ]
+    robot, meshes = imported.robot, sum(name.startswith("meshes/") for name in imported.files)
+    counts = [(len(robot.links), "link"), (sum(len(one.joints) for one in robot.attachments), "joint"), (meshes, "mesh")]
+    things = [format_count(count, what) for count, what in counts if count or what != "mesh"]
     return f"{', '.join(things[:-1])} and {things[-1]} of {os.path.basename(arguments.file)}"
 
 
@@ -210,9 +207,7 @@ def _format_result(arguments: argparse.Namespace, imported: Imported, folder: st
         (f"thingc view {document}", "show the robot in your browser, updated after every save"),
         (f"thingc build {document} --emit mjcf,urdf", "write models of every mode"),
     ]
-    if not arguments.root:
-        end = next((link.name for link in reversed(robot.links) if link.name != robot.root), None)
-        if end is not None:
-            lines.append("for another root, use `--root LINK`, or add a mode to the document")
+    if not arguments.root and len(robot.links) > 1:
+        lines.append("for another root, use `--root LINK`, or add a mode to the document")
     width = max(len(command) for command, _ in steps)
     return [*lines, "", *(f"  {command:{width}}   {what}" for command, what in steps)]

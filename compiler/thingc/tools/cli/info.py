@@ -197,8 +197,7 @@ def mates_text(assembly: Assembly) -> list[str]:
     for mate in assembly.mates:
         parent, child = assembly.occurrences[mate.parent], assembly.occurrences[mate.child]
         rotation = (assembly.rest[mate.parent].inverse() @ assembly.rest[mate.child]).rotation
-        by = mate.name or "rigid"
-        rows.append((child.path, mate.child_mount, parent.path, mate.parent_mount, by, console.axes(rotation)))
+        rows.append((child.path, mate.child_mount, parent.path, mate.parent_mount, mate.name or "rigid", console.axes(rotation)))
     return console.table(rows)
 
 

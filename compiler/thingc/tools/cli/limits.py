@@ -54,7 +54,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc limits`, and return the exit code, which is 0 if the joints could be searched and, with `--write`, the limits written."""
     search = partial(_search, arguments, _widths(arguments.resolution))
-    diagnostics, answer = console.compile_document(arguments, search, modes=() if arguments.mode is None else [arguments.mode])
+    diagnostics, answer = console.compile_document(arguments, search, arguments.mode)
     found, pairs = answer or ([], [])
     if arguments.format == "json" and not (arguments.write and found):
         console.print_json(diagnostics, joints=list(map(_as_data, found)), pairs=[asdict(one) for one in pairs])

@@ -64,22 +64,20 @@ def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str 
         return None
     with geometry_of(workspace, options) as geometry:
         references, definitions, slicings = _used_parts(workspace, geometry, options, report)
-        lock = create_lock(geometry, references, definitions, slicings)
+        values, failures = create_lock(geometry, references, definitions, slicings)
     labels = {definition.text: definition.label for definition in definitions}
-    for failure in lock.failures:
+    for failure in failures:
         report.say(unreadable(labels.get(failure.subject, failure.subject), "locked", failure))
     if report.failed:
         return None
-    text = lock_text(lock.values)
-    path = lock_path(workspace)
+    text, path = lock_text(values), lock_path(workspace)
     display_path = shown_path(path)
-    count = len(lock.values["things"]) + len(lock.values["files"])
     if not check:
         if len(text.encode()) > MAX_BYTES:
             report.add(Code.TOO_LARGE, f"`{LOCK_FILE}` would have more than {MAX_BYTES} bytes", None, help="split the workspace")
             return None
         write_whole(path, text.encode())
-        return f"{display_path}: {format_count(count, 'part')}"
+        return f"{display_path}: {format_count(len(values['things']) + len(values['files']), 'part')}"
     if not os.path.lexists(path):
         report.add(Code.NO_LOCK, f"there is no `{LOCK_FILE}` in the workspace folder", workspace.origin, help=REMAKE)
         return None
@@ -88,7 +86,7 @@ def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str 
     with open(path, encoding="utf-8") as stream:
         current = stream.read()
     lines = current.split("\n")
-    for key, words in differences(json.loads(current), lock.values):
+    for key, words in differences(json.loads(current), values):
         report.add(Code.LOCK_STALE, f"`{LOCK_FILE}` is out of date: {words}", _line(path, lines, key), help="run `thingc lock`")
     return None if report.failed else f"{display_path}: current"
 

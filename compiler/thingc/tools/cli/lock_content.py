@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 from msgspec.structs import replace
@@ -21,20 +20,14 @@ from thingc.geometry.record import NO_PARTS, PartDefinition, PartFailure, PartRe
 from thingc.geometry.service import GeometryService
 
 
-@dataclass(slots=True, kw_only=True)
-class LockResult:
-    """The content of a new lock file, and the failures of parts that could not be described or built."""
-
-    values: dict[str, Any]
-    failures: list[PartFailure] = field(default_factory=list)
-
-
 def create_lock(
     geometry: GeometryService, references: Sequence[str], definitions: Sequence[PartDefinition],
     slicings: Mapping[str, Collection[Slicing]],
-) -> LockResult:
-    """Create the lock file of a workspace. The lock file contains the parts that documents use: `references` (`module:Class`),
-    `definitions`, and `slicings`, keyed by definition text.
+) -> tuple[dict[str, Any], list[PartFailure]]:
+    """Return the content of a new lock file, and the failures of parts that could not be described or built.
+
+    The lock file contains the parts that documents use: `references` (`module:Class`), `definitions`, and `slicings`, keyed by definition
+    text.
 
     The lock file also contains all Things of the part folders, and the Things of packages that documents use. If a Thing cannot be built
     with its default parameters, the lock file has no record for these parameters, unless a document uses them.
@@ -70,7 +63,7 @@ def create_lock(
         },
         "others": sorted({reference for reference in in_folders if reference not in things}),
     }
-    return LockResult(values=values, failures=failures)
+    return values, failures
 
 
 def _thing(
@@ -81,8 +74,7 @@ def _thing(
         path: state for subject in (schema.reference, *texts) for path, state in geometry.reads.get(subject, {}).items()
         if not os.path.isabs(path) and not path.startswith("..")
     }
-    code = geometry.code(schema.reference)
-    thing: dict[str, Any] = {"code": hash_of(schema.reference, code, geometry.part_code)}
+    thing: dict[str, Any] = {"code": hash_of(schema.reference, geometry.code(schema.reference), geometry.part_code)}
     if reads:
         thing["reads"] = dict(sorted(reads.items()))
     return {**thing, **schema_values(schema), "records": {text: record_values(records[text]) for text in texts}}
@@ -132,18 +124,15 @@ def differences(held: Mapping[str, Any], made: Mapping[str, Any]) -> list[tuple[
 
 
 def _thing_differences(name: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
-    phrases = []
     old_records, new_records = _records(old), _records(new)
-    missing = sorted(set(new_records) - set(old_records))
-    gone = sorted(set(old_records) - set(new_records))
-    phrases += [f"`{text}`, which a document uses, is missing" for text in missing]
-    phrases += [f"no document uses `{text}` any more" for text in gone]
+    phrases = [f"`{text}`, which a document uses, is missing" for text in sorted(set(new_records) - set(old_records))]
+    phrases += [f"no document uses `{text}` any more" for text in sorted(set(old_records) - set(new_records))]
     for text in sorted(set(old_records) & set(new_records)):
         path = _first_difference(old_records[text], new_records[text], "")
         if path is not None:
             phrases.append(f"`{path}` of `{text}` has changed")
-    path = _first_difference({k: v for k, v in old.items() if k not in ("code", "record", "records")},
-                             {k: v for k, v in new.items() if k not in ("code", "record", "records")}, "")
+    old_rest, new_rest = ({k: v for k, v in side.items() if k not in ("code", "record", "records")} for side in (old, new))
+    path = _first_difference(old_rest, new_rest, "")
     if path is not None:
         phrases.append(f"`{path}` of `{name}` has changed")
     if old.get("code") != new.get("code") and not phrases:

@@ -40,8 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc motion`, and return the exit code, which is 0 if the motion could be simulated."""
-    modes = () if arguments.mode is None else [arguments.mode]
-    diagnostics, errors = console.compile_document(arguments, partial(_replay, arguments), modes)
+    diagnostics, errors = console.compile_document(arguments, partial(_replay, arguments), arguments.mode)
     found = [{"joint": joint.name, "error": error, "time": round(time, 9)} for joint, error, time in errors or ()]
     rows = [(joint.name, joint.twist.format(error), f"{time:.3f} s") for joint, error, time in errors or ()]
     lines = console.table([("joint", "largest error", "at"), *rows]) if rows else ()

@@ -42,12 +42,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc new`, and return the exit code, which is 0 if the workspace was created."""
     try:
         name = robot_name(arguments.place)
-        files = files_of(arguments.template, name)
         with signals.delay_signals():  # each file is written atomically, but without this, an interrupt could leave a lock file behind
-            folder = write_new(arguments.place, files)
+            folder = write_new(arguments.place, files_of(arguments.template, name))
     except ValueError as fault:
-        hint = f"write, for example, `thingc new {name}_robot`"
-        raise console.WrongCommandLine(f"invalid robot name: {fault}", hint) from fault
+        raise console.WrongCommandLine(f"invalid robot name: {fault}", f"write, for example, `thingc new {name}_robot`") from fault
     console.say(*_next_steps(arguments, folder, name))
     return 0
 

@@ -73,8 +73,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc render`, and return the exit code, which is 0 if the picture was written. Diagnostics are printed to standard error."""
     check_output(arguments.output)
-    modes = () if arguments.mode is None else [arguments.mode]
-    diagnostics, _ = console.compile_document(arguments, partial(_render, arguments), modes, compat=())  # pictures need only MuJoCo
+    process = partial(_render, arguments)
+    diagnostics, _ = console.compile_document(arguments, process, arguments.mode, compat=())  # pictures need only MuJoCo
     return console.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug)
 
 
@@ -95,9 +95,8 @@ def _render(arguments: argparse.Namespace, environment: Environment, compilation
     pose = _pose(robot, arguments.pose, environment.document)
     marks = _marks(robot, arguments, next((frame.q for frame in robot.keyframes if frame.name == pose), {}))
     named = "_".join(word for word in (robot.name, robot.mode.name, pose) if word is not None)
-    path = arguments.output if arguments.output is not None else f"{named}.png"
     shot = Shot(size=arguments.size, azimuth=arguments.azimuth, elevation=arguments.elevation)
-    draw(environment, compilation, robot, pose, path, shot=shot, marks=marks, collision=arguments.collision)
+    draw(environment, compilation, robot, pose, arguments.output or f"{named}.png", shot=shot, marks=marks, collision=arguments.collision)
 
 
 def draw(

@@ -39,10 +39,8 @@ def run(arguments: argparse.Namespace) -> int:
     for document in (arguments.document, *arguments.calibration):
         console.require_document(document)
     options, shifts = console.options_of(arguments), _shifts(arguments)
-    outcome = rezero(
-        arguments.document, shifts, options, calibrations=arguments.calibration, strict=arguments.strict, dry=arguments.diff,
-    )
-    return report_edit(outcome, arguments, diff=arguments.diff)
+    calibrations, strict, dry = arguments.calibration, arguments.strict, arguments.diff
+    return report_edit(rezero(arguments.document, shifts, options, calibrations=calibrations, strict=strict, dry=dry), arguments, diff=dry)
 
 
 def _shifts(arguments: argparse.Namespace) -> list[JointShift]:

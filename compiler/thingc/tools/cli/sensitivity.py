@@ -79,13 +79,11 @@ def run(arguments: argparse.Namespace) -> int:
     except FamilyError as fault:
         raise console.WrongCommandLine(fault.reason, fault.help) from fault
     diagnostics = console.final(report, strict=arguments.strict)
-    lines = as_text(found) if found else ()
-    return console.print_result(arguments, diagnostics, lines, sensitivities=list(map(_as_data, found)))
+    return console.print_result(arguments, diagnostics, as_text(found) if found else (), sensitivities=list(map(_as_data, found)))
 
 
 def _problem(one: Sensitivity, missing: NotDifferentiable) -> Diagnostic:
-    path = f"{one.result} by {one.name}"
-    return replace(console.error(missing.reason, missing.help, Code.RESULT), span=one.span, path=path)
+    return replace(console.error(missing.reason, missing.help, Code.RESULT), span=one.span, path=f"{one.result} by {one.name}")
 
 
 def _as_data(one: Sensitivity) -> dict[str, object]:

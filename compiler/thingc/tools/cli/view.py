@@ -165,9 +165,8 @@ def _page(environment: Environment) -> tuple[Page | None, list[Diagnostic]]:
 def _server(arguments: argparse.Namespace) -> Server:
     workspace = Workspace.find(arguments.document, Report())
     root = workspace.root if workspace is not None else os.path.dirname(os.path.abspath(arguments.document))
-    editor = arguments.editor.replace("{file}", f"{quote(root)}/{{file}}")
     try:
-        return Server(arguments.port, editor, arguments.document, _key())
+        return Server(arguments.port, arguments.editor.replace("{file}", f"{quote(root)}/{{file}}"), arguments.document, _key())
     except OSError as fault:
         reason = fault.strerror or str(fault)
         raise console.WrongCommandLine(f"cannot use port {arguments.port}: {reason}", "omit --port to use a free port") from fault

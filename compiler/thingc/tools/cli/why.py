@@ -22,6 +22,7 @@ from thingc.driver.pipeline import Compilation
 from thingc.targets.artifact import Loss
 from thingc.tools.cli import console
 from thingc.tools.cli.build import add_compat, add_emit, chosen_targets
+from thingc.tools.grouping import group_by
 
 _NUMBER = re.compile(r"(?<![\w.^])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.])")
 """Regular expression of numbers in the descriptions of export losses."""
@@ -86,8 +87,7 @@ def _reason(compilation: Compilation, wanted: str) -> None:
 
 
 def _losses(environment: Environment, compilation: Compilation, targets: Sequence[str]) -> None:
-    artifacts = pipeline.build(environment, compilation, targets)
-    losses = [loss for target in artifacts.values() for loss in target.losses]
+    losses = [loss for target in pipeline.build(environment, compilation, targets).values() for loss in target.losses]
     for alike in _alike(losses):
         console.say(_in_words(alike))
     if not losses and not console.exit_code(console.final(compilation.report, strict=False)):
@@ -96,11 +96,9 @@ def _losses(environment: Environment, compilation: Compilation, targets: Sequenc
 
 def _alike(losses: Iterable[Loss]) -> Iterable[list[Loss]]:
     """Group export losses of one target that differ only in source location, numbers and mode."""
-    groups: dict[tuple[str, str | None, str, str], list[Loss]] = {}
-    for loss in losses:
-        mode = None if loss.mode == loss.path else loss.mode
-        groups.setdefault((loss.target, mode, _NUMBER.sub("...", loss.what), loss.how), []).append(loss)
-    return groups.values()
+    return group_by(losses, lambda loss: (
+        loss.target, None if loss.mode == loss.path else loss.mode, _NUMBER.sub("...", loss.what), loss.how,
+    )).values()
 
 
 def _in_words(losses: Sequence[Loss]) -> str:

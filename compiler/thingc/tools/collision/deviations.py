@@ -11,6 +11,7 @@ from thingc.base.primitives import Primitive
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.tools.diff.surface_distance import surface_distances
+from thingc.tools.grouping import group_by
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,12 +37,10 @@ class Deviation(FrozenStruct):
 
 def deviations(assembly: Assembly, store: Store) -> list[Deviation]:
     """Measure the collision shapes of each part and link. Occurrences with equal shapes are measured once."""
-    groups: dict[object, list[Occurrence]] = {}
-    for one in assembly.occurrences:
-        if one.has_contacts or one.drawn:
-            key = (one.definition.text, one.overrides.collision, one.overrides.pieces, tuple(surface.solid for surface in one.touching))
-            groups.setdefault(key, []).append(one)
-    return [_deviation(tuple(one.path for one in several), several[0], store) for several in groups.values()]
+    groups = group_by((one for one in assembly.occurrences if one.has_contacts or one.drawn), lambda one: (
+        one.definition.text, one.overrides.collision, one.overrides.pieces, tuple(surface.solid for surface in one.touching),
+    ))
+    return [_deviation(tuple(one.path for one in equal), equal[0], store) for equal in groups.values()]
 
 
 def _deviation(paths: tuple[str, ...], one: Occurrence, store: Store) -> Deviation:

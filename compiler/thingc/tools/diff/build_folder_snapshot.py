@@ -18,6 +18,7 @@ from thingc.targets.artifact import MANIFEST
 from thingc.tools.diff.arguments import REBUILD, UnknownComparison
 from thingc.tools.diff.cached_snapshots import BrokenDocument
 from thingc.tools.diff.snapshot import ComponentNode, Fact, OccurrenceSnapshot, Row, Snapshot, SnapshotElement, Value, field_values
+from thingc.tools.grouping import group_by
 
 OF_BUILDS = "parameters, mates, limits, drives, poses, materials, sensors, mounts, geometry and tests, which are not in a build folder"
 OF_LOCKS = "content of documents, which is not in a lock file"
@@ -46,9 +47,7 @@ def _of_build(manifest: Mapping[str, Any], modes: Mapping[str, Any], rows: list[
         *(SnapshotElement(what="joint", path=name, facts={"type": Fact(value=joint["kind"])}) for name, joint in joints.items()),
         *(_mode(name, mode["base"], tuple(mode["gravity"])) for name, mode in modes.items()),
     ]
-    members: dict[str, list[str]] = {}
-    for one in occurrences:
-        members.setdefault(one["definition"], []).append(one["path"])
+    equal_parts = group_by(occurrences, lambda one: one["definition"])
     return Snapshot(
         name=manifest["name"],
         nodes=tuple(_node(one["path"], one["definition"]) for one in occurrences),
@@ -57,7 +56,7 @@ def _of_build(manifest: Mapping[str, Any], modes: Mapping[str, Any], rows: list[
         rows=tuple(
             Row(
                 definition=row["definition"], number=row["number"], quantity=row["quantity"], make=row["make"], material=row["material"],
-                members=tuple(members.get(row["definition"], ())),
+                members=tuple(one["path"] for one in equal_parts.get(row["definition"], ())),
             )
             for row in rows
         ),
@@ -123,9 +122,8 @@ def _of_lock(path: str, lock: Lock) -> Snapshot:
 
 
 def _make_element(text: str, facts: Mapping[str, Value], file: str) -> SnapshotElement:
-    span = line_of(file)
     return SnapshotElement(
-        what="component", path=text, facts={key: Fact(value=value) for key, value in facts.items()}, label=text, span=span
+        what="component", path=text, facts={key: Fact(value=value) for key, value in facts.items()}, label=text, span=line_of(file)
     )
 
 

@@ -97,7 +97,6 @@ class Subject:
         assembly = self._compilation.assembly
         if assembly is None or not assembly.tests:
             return ()
-        results = run(pipeline.request_of(self._environment, self._compilation), Selection())
         return tuple(
             TestOutcome(
                 test=result.name, where=result.where, passed=result.passed,
@@ -106,7 +105,7 @@ class Subject:
                     if isinstance(value, (int, float)) and not isinstance(value, bool)
                 },
             )
-            for result in results
+            for result in run(pipeline.request_of(self._environment, self._compilation), Selection())
         )
 
     def _key(self) -> str:

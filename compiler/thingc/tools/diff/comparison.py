@@ -14,6 +14,7 @@ from thingc.geometry.record import PartRecord
 from thingc.tools.diff.document_changes import DocumentChanges, DocumentComparison, above_of
 from thingc.tools.diff.name_mapping import NameMapping, equal, largest
 from thingc.tools.diff.snapshot import Change, DisplayValue, How, OccurrenceSnapshot, Row, Snapshot, What
+from thingc.tools.grouping import group_by
 
 Farthest = Callable[[str, str], float | None]
 """Function that returns the largest distance [m] between the surfaces of two meshes, or None if unknown.
@@ -35,8 +36,7 @@ class _Consequences:
 
     def __init__(self, pairing: NameMapping, changes: DocumentChanges, farthest: Farthest) -> None:
         self.pairing, self.changes, self.farthest = pairing, changes, farthest
-        self.old: Snapshot = pairing.old
-        self.new: Snapshot = pairing.new
+        self.old, self.new = pairing.old, pairing.new
         self.occurrences = [
             (occurrence, self.new.occurrences[new_path]) for path, occurrence in self.old.occurrences.items()
             if (new_path := pairing.path("component", path)) is not None and new_path in self.new.occurrences
@@ -91,10 +91,8 @@ class _Consequences:
             return
         assert before.box is not None and after.box is not None
         same_inertia = _nearly_equal(before.inertia, after.inertia) and _nearly_equal(before.centre, after.centre, _size(before.box))
-        fields: list[Difference] = []
-        for field, size, new_size in (("volume", before.volume, after.volume), ("area", before.area, after.area)):
-            if not _nearly_equal(size, new_size):
-                fields.append((field, size, new_size))
+        sizes: tuple[Difference, ...] = ("volume", before.volume, after.volume), ("area", before.area, after.area)
+        fields = [one for one in sizes if not _nearly_equal(*one[1:])]
         if not _nearly_equal(before.box, after.box, _size(before.box)):
             fields.append(("box", before.box, after.box))
         if not fields and not same_inertia:
@@ -230,16 +228,14 @@ class _Consequences:
     def _robot_masses(self) -> None:
         if self.old.whole is None or self.new.whole is None:
             return
-        fields = list(_masses(self.old.whole, self.new.whole, "robot."))
-        if fields:
-            because = self._mass_changes([*self.old.occurrences, *self.new.occurrences]) or self.changes.structure()
-            for difference in fields:
-                self._add("mass", ("", ""), difference, because)
-        one, other = _reach(self.old), _reach(self.new)
-        if not _nearly_equal(one, other):
+        paths = [*self.old.occurrences, *self.new.occurrences]
+        for difference in _masses(self.old.whole, self.new.whole, "robot."):
+            self._add("mass", ("", ""), difference, self._mass_changes(paths) or self.changes.structure())
+        reach, new_reach = _reach(self.old), _reach(self.new)
+        if not _nearly_equal(reach, new_reach):
             moved = self.changes.causes("mount", [f"{path}/{name}" for path, one in self.new.occurrences.items() for name in one.mounts])
-            moved |= self.changes.causes("component", [*self.old.occurrences, *self.new.occurrences], ("place", "turn"))
-            self._add("geometry", ("", ""), ("robot.reach", one, other), moved or self.changes.structure())
+            moved |= self.changes.causes("component", paths, ("place", "turn"))
+            self._add("geometry", ("", ""), ("robot.reach", reach, new_reach), moved or self.changes.structure())
 
     def _coordinates(self) -> None:
         """Compare the order of the joint coordinates in each mode. Coordinates that exist in only one of the two robots are ignored."""
@@ -253,14 +249,13 @@ class _Consequences:
             new_order = [name for name in self.new.coordinates[new_mode] if name in set(old_order)]
             if [name for name in old_order if name in set(new_order)] != new_order:
                 because = self.changes.causes("mode", [mode, new_mode], ("root", "cut", "base")) or self.changes.structure()
-                difference = ("coordinates", tuple(names), tuple(self.new.coordinates[new_mode]))
-                self._add("mode", (mode, new_mode), difference, because)
+                self._add("mode", (mode, new_mode), ("coordinates", tuple(names), tuple(self.new.coordinates[new_mode])), because)
 
     # --- outputs -----------------------------------------------------------------------------------------------------
 
     def _rows(self) -> None:
         """Compare the rows of the old and new bill of materials that have the same part definition, and compare the print files."""
-        olds, news = _by_definition(self.old.rows), _by_definition(self.new.rows)
+        olds, news = (group_by(side.rows, lambda row: row.definition) for side in (self.old, self.new))
         renumbered: list[tuple[str, Row, Row]] = []
         causes: dict[str, None] = {}
         for definition in {**olds, **news}:
@@ -364,15 +359,15 @@ class _Consequences:
 
 def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[Difference]:
     """Return the differences between the mass properties of the old and the new body. If one body is massless, compare only the masses."""
-    told: list[tuple[str, DisplayValue, DisplayValue]] = []
+    differences: list[Difference] = []
     if not _nearly_equal(old.mass, new.mass):
-        told.append((f"{prefix}mass", old.mass, new.mass))
+        differences.append((f"{prefix}mass", old.mass, new.mass))
     if old.mass or new.mass:
-        if not all(abs(a - b) < 1e-9 for a, b in zip(old.centre, new.centre, strict=True)):
-            told.append((f"{prefix}centre", old.centre, new.centre))
+        if not _same(old.centre, new.centre):
+            differences.append((f"{prefix}centre", old.centre, new.centre))
         if not _nearly_equal(old.inertia, new.inertia):
-            told.append((f"{prefix}inertia", old.inertia, new.inertia))
-    return told
+            differences.append((f"{prefix}inertia", old.inertia, new.inertia))
+    return differences
 
 
 def _reach(robot: Snapshot) -> float:
@@ -416,13 +411,6 @@ def _same(old: Sequence[float], new: Sequence[float]) -> bool:
 
 def _display_pose(pose: Pose | None) -> DisplayValue:
     return None if pose is None else (tuple(pose.translation), tuple(rpy_of(pose.rotation)))
-
-
-def _by_definition(rows: Iterable[Row]) -> dict[str, list[Row]]:
-    grouped: dict[str, list[Row]] = {}
-    for row in rows:
-        grouped.setdefault(row.definition, []).append(row)
-    return grouped
 
 
 def _pair_rows(olds: list[Row], news: list[Row], path: Callable[[str], str | None]) -> list[tuple[Row | None, Row | None]]:

@@ -162,8 +162,7 @@ class NameMapping:
         """Yield the key, the old value and the new value of each property of a matched element. Keys use the names of the new robot."""
         old_values = {self._key(old.what, key): fact.value for key, fact in old.facts.items()}
         for key in {**old_values, **dict.fromkeys(new.facts)}:
-            new_value = new.facts[key].value if key in new.facts else None
-            yield key, old_values.get(key), new_value
+            yield key, old_values.get(key), new.facts[key].value if key in new.facts else None
 
     def _key(self, what: What, key: str) -> str:
         if what == "pose":

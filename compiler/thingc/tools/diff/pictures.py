@@ -27,8 +27,7 @@ def pictures(old: Model, new: Model, changes: Iterable[Change]) -> Mapping[str, 
     if not points:
         return {}
     changes = list(changes)
-    overlay = with_removed((set_colours(new[0], colours(changes)), new[1]), old, changes)
-    drawn = {"before": old, "after": new, "overlay": overlay}
+    drawn = {"before": old, "after": new, "overlay": with_removed((set_colours(new[0], colours(changes)), new[1]), old, changes)}
     return {name: small_picture(xml, assets, None, points, seen[1][1], SIZE) for name, (xml, assets) in drawn.items()}
 
 

@@ -56,8 +56,7 @@ def as_json(answer: DiffResult) -> dict[str, object]:
     mechanism with other joint zeros or signs.
     """
     several = len(answer.documents) > 1
-    alone = len(answer.come) + len(answer.gone)
-    changes = [_entry(change) for change in answer.changes[:alone]]
+    changes = [_entry(change) for change in answer.changes[: len(answer.come) + len(answer.gone)]]
     for name, comparison in answer.documents:
         changes += [{**_entry(change), **({"document": name} if several else {})} for change in comparison.changes]
     same = {name: comparison.mechanism for name, comparison in answer.documents if comparison.mechanism}

@@ -16,7 +16,7 @@ from thingc.driver.pipeline import Compilation
 from thingc.geometry.record import PartDefinition
 from thingc.model.assembly.types import ActuatorModel, Assembly, JointEdge
 from thingc.model.resolve.coordinates import Dynamics, Limit
-from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, JointRange, Mode, Overrides, Process, Reference
+from thingc.model.resolve.types import AssemblyDefinition, Attach, Component, Joint, JointRange, Mode, Overrides, Process, Reference
 from thingc.tools.diff.assembly_facts import edges_of, links_of, motion_facts, occurrences_of, rows_of, sensor_values, tendon_facts
 from thingc.tools.diff.snapshot import PLACES, ComponentNode, Fact, Named, Snapshot, SnapshotElement, Value, What, field_values
 from thingc.tools.diff.source_locations import DocumentTrees
@@ -119,13 +119,14 @@ class _Reader:
         def fact(value: Value, *keys: str) -> Fact:
             return self.written.fact(value, node, keys, scope=scope, otherwise=component.origin[0])
 
-        facts = {kind: fact(reference if kind not in ("link", "frame") else True, kind)}
-        facts["mirror"] = fact(target.mirror if target is not None else None, "mirror")
         material = occurrence.material if occurrence is not None else None
-        facts["material"] = fact(Named(what="material", path=material.name) if material is not None else None, "material")
-        facts["detail"] = fact(tuple(sorted(component.detail)), "detail")
-        facts |= {key: fact(value, *key.split(".")) for key, value in _overrides(component.overrides)}
-        facts |= {key: fact(value, *key.split(".")) for key, value in field_values("bom", type(component.bom), component.bom).items()}
+        values: dict[str, Value] = {
+            kind: reference if kind not in ("link", "frame") else True, "mirror": target.mirror if target is not None else None,
+            "material": Named(what="material", path=material.name) if material is not None else None,
+            "detail": tuple(sorted(component.detail)), **dict(_overrides(component.overrides)),
+            **field_values("bom", type(component.bom), component.bom),
+        }
+        facts = {key: fact(value, *key.split(".")) for key, value in values.items()}
         if isinstance(target, PartDefinition):
             inner = ("params",) if target.kind == "code" else ()
             facts |= {".".join((*inner, name)): fact(value, *inner, name) for name, value in target.parameters}
@@ -143,17 +144,16 @@ class _Reader:
     def _placement(self, prefix: str, definition: AssemblyDefinition, component: Component, path: str, fact: Any) -> None:
         """Collect the mate by which a component is placed. A component that is placed by a joint does not have such a mate."""
         placement = component.placement
+        if placement is None:
+            return
+        to, values = _occurrence(definition, prefix, placement.to), dict[str, Value]()
         if isinstance(placement, Attach):
-            self._add("mate", path, {
-                "mount": fact(_occurrence(definition, prefix, placement.mount), "attach", "mount"),
-                "to": fact(_occurrence(definition, prefix, placement.to), "attach", "to"),
-                "turn": fact(placement.turn, "attach", "turn"), "gap": fact(placement.gap, "attach", "gap"),
-            }, of=path, span=placement.origin[0])
-        elif isinstance(placement, At):
-            self._add("mate", path, {
-                "in": fact(_occurrence(definition, prefix, placement.to), "at", "in"),
-                **{key: fact(value, "at", key) for key, value in _pose(placement.pose)},
-            }, of=path, span=placement.origin[0])
+            section, mount = "attach", _occurrence(definition, prefix, placement.mount)
+            values = {"mount": mount, "to": to, "turn": placement.turn, "gap": placement.gap}
+        else:
+            section, values = "at", {"in": to, **dict(_pose(placement.pose))}
+        facts = {key: fact(value, section, key) for key, value in values.items()}
+        self._add("mate", path, facts, of=path, span=placement.origin[0])
 
     # --- joints --------------------------------------------------------------------------------------------------
 
@@ -163,21 +163,19 @@ class _Reader:
         def fact(joint: Joint, key: str, value: Value) -> Fact:
             return Fact(value=value, written=joint.written.get(key), scope=scope, span=joint.spans.get(key, joint.origin[0]))
 
-        facts = {
-            "type": fact(first, "type", first.kind.name),
-            "parent": fact(first, "parent", _occurrence(definition, prefix, first.parent)),
-            "child": fact(first, "child", _occurrence(definition, prefix, first.child)),
-            "axis": fact(first, "axis", first.axis), "turn": fact(first, "turn", first.turn), "gap": fact(first, "gap", first.gap),
-            "loop": fact(first, "loop", first.loop), "reverse": fact(first, "reverse", first.reverse),
+        values: dict[str, Value] = {
+            "type": first.kind.name, "parent": _occurrence(definition, prefix, first.parent),
+            "child": _occurrence(definition, prefix, first.child), "axis": first.axis, "turn": first.turn, "gap": first.gap,
+            "loop": first.loop, "reverse": first.reverse,
         }
         if first.twist is not None and first.kind.leads:
-            facts["lead"] = fact(first, "lead", first.twist.pitch)
-        several = len(coordinates) > 1
-        if several:
+            values["lead"] = first.twist.pitch
+        facts = {key: fact(first, key, value) for key, value in values.items()}
+        if len(coordinates) > 1:
             self._add("joint", path, facts, label=first.kind.name, of=scope, span=first.origin[0])
             facts = {}
         for joint in coordinates:
-            joint_facts = dict(facts) | {key: fact(joint, key, value) for key, value in self._moving(prefix, definition, joint)}
+            joint_facts = facts | {key: fact(joint, key, value) for key, value in self._moving(prefix, definition, joint)}
             self._add("joint", prefix + joint.path.replace(".", "/"), joint_facts, label=joint.kind.name, of=scope, span=joint.origin[0])
 
     def _moving(self, prefix: str, definition: AssemblyDefinition, joint: Joint) -> Iterator[tuple[str, Value]]:
@@ -274,21 +272,18 @@ class _Reader:
             return self.written.fact(value, node, keys, otherwise=mode.origin[0])
 
         standing = mode.standing
-        facts: dict[str, Fact] = {
-            "root": fact(component(mode.root), "root"), "base": fact(mode.base, "base"),
-            **{f"at.{key}": fact(value, "at", key) for key, value in _pose(mode.at)},
-            "at.on": fact("floor" if mode.on_floor else None, "at", "on"),
-            "gravity": fact(tuple(mode.gravity), "gravity"),
-            "pose": fact(None if mode.pose is None else Named(what="pose", path=mode.pose), "pose"),
-            "poses": fact(_sort_names(Named(what="pose", path=name) for name in mode.poses), "poses"),
-            "actuators": fact(
-                None if mode.actuators is None else _sort_names(Named(what="joint", path=path) for path in mode.actuators), "actuators",
-            ),
-            "exclude": fact(tuple(sorted((_sort_names(component(one) for one in pair) for pair in mode.exclude), key=repr)), "exclude"),
-            "cut": fact(_sort_names(Named(what="joint", path=cut.joint) for cut in mode.cut), "cut"),
-            "standing_on": fact(None if standing is None else _sort_names(component(mount) for mount in standing.mounts), "standing_on"),
-            "standing_on.friction": fact(None if standing is None else standing.friction, "standing_on", "friction"),
+        values: dict[str, Value] = {
+            "root": component(mode.root), "base": mode.base, **{f"at.{key}": value for key, value in _pose(mode.at)},
+            "at.on": "floor" if mode.on_floor else None, "gravity": tuple(mode.gravity),
+            "pose": None if mode.pose is None else Named(what="pose", path=mode.pose),
+            "poses": _sort_names(Named(what="pose", path=name) for name in mode.poses),
+            "actuators": None if mode.actuators is None else _sort_names(Named(what="joint", path=path) for path in mode.actuators),
+            "exclude": tuple(sorted((_sort_names(component(one) for one in pair) for pair in mode.exclude), key=repr)),
+            "cut": _sort_names(Named(what="joint", path=cut.joint) for cut in mode.cut),
+            "standing_on": None if standing is None else _sort_names(component(mount) for mount in standing.mounts),
+            "standing_on.friction": None if standing is None else standing.friction,
         }
+        facts = {key: fact(value, *key.split(".")) for key, value in values.items()}
         for pair in mode.pairs:
             ends = ", ".join(sorted(component(one).text for one in (pair.one, pair.other)))
             for key, setting in (("friction", pair.friction), ("margin", pair.margin), ("gap", pair.gap)):

@@ -20,6 +20,7 @@ from thingc.documents.checks import kinds
 from thingc.tools.diff.comparison import Comparison
 from thingc.tools.diff.results import DiffResult
 from thingc.tools.diff.snapshot import PERHAPS, Change, DisplayValue, How, What
+from thingc.tools.grouping import group_by
 
 MOVED = ": moved"
 NOTHING = "no changes in meaning"
@@ -169,12 +170,8 @@ def consequences_of(comparison: Comparison) -> Iterator[ReportLine]:
 
 def split_consequences(comparison: Comparison) -> tuple[list[ReportLine], dict[What, list[ReportLine]]]:
     """Return the changed test results, and all other consequences of changes in documents, grouped by kind."""
-    follows = list(consequences_of(comparison))
-    kinds: dict[What, list[ReportLine]] = {}
-    for line in follows:
-        if not line.decides:
-            kinds.setdefault(line.what, []).append(line)
-    return [line for line in follows if line.decides], kinds
+    lines = list(consequences_of(comparison))
+    return [line for line in lines if line.decides], group_by((line for line in lines if not line.decides), lambda line: line.what)
 
 
 def _decides(change: Change) -> bool:

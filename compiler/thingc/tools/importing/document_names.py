@@ -207,8 +207,8 @@ class DocumentNaming:
             "tendons": [(word, name, word) for name, word in self.tendons.items()],
             "actuators": [(word, drive.name, name) for word, name, drive in self.driven],
             "equalities": [
-                (word.rpartition(":")[0], name, word) for name,
-                word in self._name_equalities().items() if word.endswith((":mimic", ":loop"))
+                (word.rpartition(":")[0], name, word)
+                for name, word in self._name_equalities().items() if word.endswith((":mimic", ":loop"))
             ],
             "sensors": [
                 named for one, word in zip(self.robot.sensors, self.sensors, strict=True)

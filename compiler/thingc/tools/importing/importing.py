@@ -110,9 +110,7 @@ def import_robot(path: str, report: Report, request: ImportRequest = PLAIN) -> I
         return None
     roots = list(dict.fromkeys(roots))
     places = Packages(path, request.packages, os.environ, request.mesh_roots, robot.mesh_folder)
-    robot, repaired = repair_inertias(
-        robot, roots, repair, report, matter_of(places),
-    ) if meshes else repair_inertias(robot, roots, repair, report)
+    robot, repaired = repair_inertias(robot, roots, repair, report, matter_of(places) if meshes else lambda _: None)
     if report.failed:
         return None
     warn_of_mirror_pairs(robot, report)
@@ -170,10 +168,7 @@ def _record(imported: Imported, names: Mapping[str, Mapping[str, str]], options:
     generated document.
     """
     content = imported.files[imported.document]
-    losses = [
-        {"what": loss.what, "why": loss.why, "file": os.path.basename(loss.where.file), "line": loss.where.line} for loss in imported.losses
-    ]
-    data_of_import = {
+    record = {
         "import": 1,
         "source": {"file": os.path.basename(path), "sha256": hashlib.sha256(data).hexdigest(), "robot": imported.robot.name},
         "asked": options,
@@ -186,12 +181,14 @@ def _record(imported: Imported, names: Mapping[str, Mapping[str, str]], options:
             }
             for one in imported.repaired
         ],
-        "losses": losses,
+        "losses": [
+            {"what": one.what, "why": one.why, "file": os.path.basename(one.where.file), "line": one.where.line} for one in imported.losses
+        ],
         "document": {
             "file": imported.document, "sha256": hashlib.sha256(content).hexdigest(), "lines": content.decode().splitlines(),
         },
     }
-    return (json.dumps(data_of_import, indent=2, ensure_ascii=False) + "\n").encode()
+    return (json.dumps(record, indent=2, ensure_ascii=False) + "\n").encode()
 
 
 def _weight(of: MassProperties | None) -> dict[str, object] | None:

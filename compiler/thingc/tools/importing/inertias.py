@@ -43,7 +43,7 @@ class RepairedLink(FrozenStruct):
 
 
 def repair_inertias(
-    robot: SourceRobot, roots: Sequence[str], method: Repair | None, report: Report, matter: Matter = lambda _: None,
+    robot: SourceRobot, roots: Sequence[str], method: Repair | None, report: Report, matter: Matter,
 ) -> tuple[SourceRobot, tuple[RepairedLink, ...]]:
     """Repair the invalid inertias of an imported robot. Return the robot and the links that were repaired.
 

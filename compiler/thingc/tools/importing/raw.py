@@ -70,8 +70,7 @@ def _controls(naming: DocumentNaming, state: SourcePose) -> Raw:
     The default control is q for a position drive, the force in the mode for an adhesion, and 0 for other drives.
     """
     usual: dict[str, float | None] = {element.name: element.force for element in naming.robot.adhesions}
-    driven = [*naming.moving, *naming.robot.tendons]
-    for element in driven:
+    for element in (*naming.moving, *naming.robot.tendons):
         if element.drive is not None and element.drive.kind == "position":
             q = state.q.get(element.name, 0.0)
             usual[element.drive.name] = q if isinstance(element, SourceJoint) and isinstance(q, float) else None  # for a tendon, its length

@@ -168,15 +168,14 @@ class _Sdf:
         model = None if self.report.failed else self._model()
         if model is None:
             return None
-        name, frames = self.values.word(model, "name"), Frames(model, self.values)
+        name, self.frames = self.values.word(model, "name"), Frames(model, self.values)
         if name is None or self.report.failed:  # these errors would cause further errors
             return None
-        self.frames = frames
-        links = [self._link(key, frame.element) for key, frame in frames.all("link")]
-        attachments = [attachment for key, frame in frames.all("joint") for attachment in self._attachments_of(key, frame)]
+        links, joints = [self._link(key, frame.element) for key, frame in self.frames.all("link")], self.frames.all("joint")
+        attachments = [attachment for key, frame in joints for attachment in self._attachments_of(key, frame)]
         moving = {
-            name for key, frame in frames.all("joint") if frame.element.attributes.get("type") not in ("fixed", "ball")
-            for name in self._coordinates(key)
+            coordinate for key, frame in joints if frame.element.attributes.get("type") not in ("fixed", "ball")
+            for coordinate in self._coordinates(key)
         }
         check_mimics(attachments, moving, self.report)
         self.losses.unread(model, ATTRIBUTES, INSIDE, AS_USUAL)
@@ -244,10 +243,9 @@ class _Sdf:
             help = "write <geometry><box><size>...</size></box></geometry>"
             self.values.fault(geometry or element, None, f"this `<{element.tag}>` has no geometry", help)
             return None
-        given = next(element.all("pose"), None)
-        relative_to = "" if given is None else given.attributes.get("relative_to", "").strip()
-        if relative_to and given is not None:
-            self.losses.note(f"`relative_to` of a `<{element.tag}>`", "not imported: shapes must be relative to their link", given.where)
+        relative = next((one for one in element.all("pose") if one.attributes.get("relative_to", "").strip()), None)
+        if relative is not None:
+            self.losses.note(f"`relative_to` of a `<{element.tag}>`", "not imported: shapes must be relative to their link", relative.where)
             return None
         if form.tag not in INSIDE["geometry"]:
             self.losses.note(f"a `<{form.tag}>`", "shapes of this kind are not supported", form.where)
@@ -304,17 +302,16 @@ class _Sdf:
             if number:
                 self.intermediate_links.append(source_model.SourceLink(name=above, where=element.where))
             joint = joints[number]
-            locked = joint is not None and joint.ends.lower is not None and joint.ends.lower == joint.ends.upper
-            if joint is not None and locked:
+            if joint is not None and joint.ends.lower is not None and joint.ends.lower == joint.ends.upper:
                 if joint.ends.lower != 0.0:
                     message = f"`lower` and `upper` are both {joint.ends.lower:g}: this joint cannot move and cannot be at 0"
                     self.values.fault(element, None, message, "use type `fixed`, or correct its limits")
-                self.losses.note(
-                    f"the type of joint `{names[number]}`, whose limits are both 0", "imported as a fixed joint", element.where,
-                )
+                what = f"the type of joint `{names[number]}`, whose limits are both 0"
+                self.losses.note(what, "imported as a fixed joint", element.where)
+                joint = None
             yield source_model.Attachment(
                 name=names[number], parent=above, child=child, pose=NO_POSE if number else pose, where=element.where,
-                joints=() if joint is None or locked else (joint,),
+                joints=() if joint is None else (joint,),
             )
             child = above
 
@@ -430,8 +427,7 @@ class _Sdf:
         if joint is None or multiplier is None or offset is None or reference is None:
             return None
         offset -= multiplier * reference
-        leaders = self._coordinates(key_of(joint, scope))
-        leader = leaders[-1 if mimic.attributes.get("axis") == "axis2" else 0]
+        leader = self._coordinates(key_of(joint, scope))[-1 if mimic.attributes.get("axis") == "axis2" else 0]
         return source_model.SourceMimic(joint=leader, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
 
     def _build_robot(
@@ -462,12 +458,11 @@ class _Sdf:
         root = root_of(links, tree, model.where, self.report)
         if root is None:
             return None
-        loops = tuple(self._loop(attachment) for attachment in closing)
+        loops = tuple(map(self._loop, closing))  # also records losses
         return source_model.SourceRobot(
-            name=name, where=model.place("name"), root=root, links=tuple(links), attachments=tree,
+            name=name, where=model.place("name"), root=root, links=tuple(links), attachments=tree, loops=loops, losses=self.losses.all(),
             base="fixed" if grounded or self._is_true(model, "static") else "free",
-            pose=NO_POSE if root == WORLD else _clean(model_pose @ self.frames.poses[root]), losses=self.losses.all(),
-            loops=loops,
+            pose=NO_POSE if root == WORLD else _clean(model_pose @ self.frames.poses[root]),
         )
 
     def _loop(self, attachment: source_model.Attachment) -> source_model.SourceLoop:

@@ -165,11 +165,10 @@ class Frames:
             if frame is not None and frame.element.tag != "model":
                 key = self._carrier(frame)
                 continue
-            named = (self.model if frame is None else frame.element).attributes.get("canonical_link", "")
+            canonical = (self.model if frame is None else frame.element).attributes.get("canonical_link", "")
             inside = [one for one, other in self.named.items() if other.scope == key and other.element.tag in ("link", "model")]
-            links = [one for one in inside if self.named[one].element.tag == "link"]
-            wanted = [one for one in [key_of(named, key)] if named and one in self.named]
-            key = next(iter([*wanted, *links, *inside]), key)
+            inside.sort(key=lambda one: self.named[one].element.tag)  # links before models
+            key = key_of(canonical, key) if canonical and key_of(canonical, key) in self.named else next(iter(inside), key)
         self.links |= dict.fromkeys(seen, self.links[key])
         return self.links[key]
 

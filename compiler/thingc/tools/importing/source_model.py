@@ -334,8 +334,8 @@ class SourcePose(SourceThing):
     """A named state of an imported robot.
 
     `q` maps the source names of joints to coordinates [rad or m], to a unit quaternion (w, x, y, z) for a ball joint, or to the motion of a
-    free joint from its initial pose. `controls` maps
-    the source names of actuators to control values. `at` is the pose of the base if it differs from the pose of the robot.
+    free joint from its initial pose. `controls` maps the source names of actuators to control values. `at` is the pose of the base if it
+    differs from the pose of the robot.
     """
 
     q: Mapping[str, float | Quaternion | Pose]

@@ -26,6 +26,7 @@ from thingc.documents.load.documents import read_tree
 from thingc.geometry.client import once
 from thingc.geometry.features import Cylinder, Features, PlanarFace
 from thingc.geometry.store.local import Store
+from thingc.tools.grouping import group_by
 from thingc.tools.importing.document_names import distinct, plain_name
 from thingc.tools.importing.import_request import refuse_unreadable
 from thingc.tools.importing.quantities import pose_words, quantity, was
@@ -71,9 +72,7 @@ def feature_mounts(features: Features) -> tuple[FeatureMount, ...]:
 
 def _circles(holes: Sequence[Cylinder]) -> Iterator[list[Cylinder]]:
     """Yield groups of at least three equal holes whose axes are on one circle around the centre of the group."""
-    equal: dict[object, list[Cylinder]] = {}
-    for hole in holes:
-        equal.setdefault((hole.line.axis, *(round(value, 7) for value in (hole.radius, hole.lower, hole.upper))), []).append(hole)
+    equal = group_by(holes, lambda hole: (hole.line.axis, *(round(value, 7) for value in (hole.radius, hole.lower, hole.upper))))
     for group in equal.values():
         centre = _mean([hole.line.point for hole in group])
         rings: dict[float, list[Cylinder]] = {}
@@ -87,9 +86,9 @@ def _circles(holes: Sequence[Cylinder]) -> Iterator[list[Cylinder]]:
 def _outermost(planes: Sequence[PlanarFace]) -> Iterator[PlanarFace]:
     largest = max((face.area for face in planes), default=0.0)
     for face in planes:
-        beside = [other for other in planes if other is not face and dist(other.normal, face.normal) < _NEAR]
+        parallel = [other for other in planes if other is not face and dist(other.normal, face.normal) < _NEAR]
         height = dot(face.normal, face.centre)
-        if face.area >= _SMALL_FACE * largest and all(dot(face.normal, one.centre) < height - _NEAR for one in beside):
+        if face.area >= _SMALL_FACE * largest and all(dot(face.normal, other.centre) < height - _NEAR for other in parallel):
             yield face
 
 
@@ -167,8 +166,8 @@ class StepDocuments:
         assembly, root = self.assembly, self.documents[self.assembly.root]
         files = {f"{self.documents[number]}.yaml": self._document(number) for number in range(len(assembly.assemblies))}
         files |= {f"parts/{self.files[number]}.step": self.store.read(part.sha256) for number, part in enumerate(assembly.parts)}
-        own = [*self._materials()]
-        files |= {MATERIALS: "\n".join(("thingc: materials/1", "materials:", *own, "")).encode()} if own else {}
+        materials = [*self._materials()]
+        files |= {MATERIALS: "\n".join(("thingc: materials/1", "materials:", *materials, "")).encode()} if materials else {}
         notes = tuple(self._notes())
         files["import.json"] = self._record(notes)
         return ImportedAssembly(
@@ -195,9 +194,14 @@ class StepDocuments:
         for child, name in zip(group.children, names, strict=True):
             pose = pose_words(base @ self.frame(child), before=", ")
             lines.append(f"  {name}:{was(name, child.name)}")
-            lines += self._content(child)
+            if child.assembly is not None:
+                lines.append(f"    assembly: {self.documents[child.assembly]}.yaml")
+            elif child.part is not None:
+                lines.append(f"    file: parts/{self.files[child.part]}.step")
+                lines.append(f"    material: {self._material(assembly.parts[child.part])}")
             lines += [] if name == names[0] else [f"    at: {{in: {names[0]}.origin{pose}}}"]
-            lines += self._mount_lines(self.mounts[child.part] if child.part is not None else ())
+            if child.part is not None and (mounts := self.mounts[child.part]):
+                lines += ["    mounts:", *(f"      {mount.name}: {{{pose_words(mount.pose)}}}  # {mount.what}" for mount in mounts)]
         if number == self.assembly.root:
             lines += ["modes:", f"  source: {{root: {self._base(number)}, base: fixed}}"]
         report = Report()
@@ -210,18 +214,6 @@ class StepDocuments:
         first, name = self.assembly.assemblies[number].children[0], self.components[number][0]
         return name if first.assembly is None else f"{name}.{self._base(first.assembly)}"
 
-    def _content(self, child: StepChild) -> Iterator[str]:
-        if child.assembly is not None:
-            yield f"    assembly: {self.documents[child.assembly]}.yaml"
-        elif child.part is not None:
-            yield f"    file: parts/{self.files[child.part]}.step"
-            yield f"    material: {self._material(self.assembly.parts[child.part])}"
-
-    def _mount_lines(self, mounts: tuple[FeatureMount, ...]) -> Iterator[str]:
-        if mounts:
-            yield "    mounts:"
-            yield from (f"      {one.name}: {{{pose_words(one.pose)}}}  # {one.what}" for one in mounts)
-
     def _material(self, part: StepPart) -> str:
         """Return the name of the material of a part: a material of `thingc_stock`, or a material with a density in the file."""
         word = plain_name(part.material, "material").lower() if part.material else UNKNOWN
@@ -229,8 +221,7 @@ class StepDocuments:
 
     def _materials(self) -> Iterator[str]:
         """Yield the lines of the materials that `thingc_stock` does not contain."""
-        densities = {self._material(part): part.density for part in self.assembly.parts}
-        for word, density in sorted(densities.items()):
+        for word, density in sorted({self._material(part): part.density for part in self.assembly.parts}.items()):
             if word == UNKNOWN:
                 yield f"  {word}: {{density: {quantity(UNKNOWN_DENSITY, 'kg/m^3')}}}  # assumed: the file does not specify the material"
             elif density is not None and word not in self.stock:

@@ -133,8 +133,7 @@ class Merge:
             start, end = version.source.range(value.span)
             text = version.source.text[start:end] if version is self.ours else inline(version, value)
             if version is self.ours:  # apply and remove the edits inside this node
-                edits = [edit for edit in self.edits if start <= edit[0] and edit[1] <= end]
-                for edit in sorted(edits, reverse=True):
+                for edit in sorted([edit for edit in self.edits if start <= edit[0] and edit[1] <= end], reverse=True):
                     self.edits.remove(edit)
                     text = text[: edit[0] - start] + edit[2] + text[edit[1] - start :]
             inner.append(f"{key}: {text}")
@@ -177,8 +176,7 @@ class Merge:
         line = _lines(self.ours, parent, preceding[-1])[1] + 1 if preceding else _lines(self.ours, parent, next(iter(parent.entries)))[0]
         text = "".join(f"{line}\n" for line in self._entry_lines(path, parent, key))
         start = self._start(line)
-        ended = start == 0 or self.ours.source.text[start - 1] == "\n"
-        self.edits.append((start, start, text if ended else f"\n{text}"))
+        self.edits.append((start, start, text if start == 0 or self.ours.source.text[start - 1] == "\n" else f"\n{text}"))
 
     def _entry_lines(self, path: Path, parent: Node, key: Any) -> list[str]:
         """Return the lines of an entry of `new`, including the comments above the entry.

@@ -10,6 +10,7 @@ from thingc.base.graphs import DisjointSets, find_cycles, format_cycle
 from thingc.base.safe_text import quote_names
 from thingc.base.source import Span
 from thingc.base.suggestions import did_you_mean
+from thingc.tools.grouping import group_by
 from thingc.tools.importing.source_model import Attachment, SourceLink, SourceRobot
 
 Named = TypeVar("Named", SourceLink, Attachment)
@@ -35,14 +36,13 @@ def root_of(links: Sequence[SourceLink], attachments: Sequence[Attachment], wher
             if name not in named:
                 message = f"the {side} of joint `{one.name}` is the link `{name}`, which does not exist"
                 report.add(Code.SOURCE_TREE, message, one.ends.get(side, one.where), help=did_you_mean(name, named, what="links"))
-        if one.child in above:
-            other = above[one.child]
+        other = above.setdefault(one.child, one)
+        if other is not one:
             report.add(
                 Code.SOURCE_TREE, f"link `{one.child}` has two parents, `{other.parent}` and `{one.parent}`", one.where,
                 notes=[Note(message=f"the link is also the child of joint `{other.name}`", span=other.where)],
                 help="remove one of the two joints, and close the loop in the document with `loop: true`",
             )
-        above.setdefault(one.child, one)
     if not links:
         report.add(Code.SOURCE_TREE, "the robot has no link", where)
     if len(report.diagnostics) > before:
@@ -127,10 +127,7 @@ def _distinct(kind: str, things: Sequence[Named], report: Report) -> dict[str, N
 
 def by_parent(attachments: Iterable[Attachment]) -> dict[str, list[Attachment]]:
     """Group the attachments by the name of the parent link. Each group is in source order."""
-    below: dict[str, list[Attachment]] = {}
-    for attachment in attachments:
-        below.setdefault(attachment.parent, []).append(attachment)
-    return below
+    return group_by(attachments, lambda attachment: attachment.parent)
 
 
 def downwards(root: str, attachments: Iterable[Attachment]) -> Iterator[Attachment]:
@@ -146,8 +143,5 @@ def downwards(root: str, attachments: Iterable[Attachment]) -> Iterator[Attachme
 def _circles(named: dict[str, SourceLink], above: dict[str, Attachment], report: Report) -> None:
     """Report an error for each cycle of links. The location of the error is the joint of the first link of the cycle."""
     for upwards in find_cycles(named, lambda name: above[name].parent if name in above else None):
-        circle = upwards[::-1]
-        report.add(
-            Code.SOURCE_TREE, f"links form a cycle: {format_cycle(circle)}", above[circle[0]].where,
-            help="make one of these links the root, or attach one of them to a link outside the cycle",
-        )
+        help = "make one of these links the root, or attach one of them to a link outside the cycle"
+        report.add(Code.SOURCE_TREE, f"links form a cycle: {format_cycle(upwards[::-1])}", above[upwards[-1]].where, help=help)

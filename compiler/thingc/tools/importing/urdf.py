@@ -111,13 +111,11 @@ class _Urdf:
         if root is None:
             return None
         links, sensors = self._add_sensor_frames(links, attachments)
-        transmissions = tuple(self._transmissions(attachments))
-        robot = source_model.SourceRobot(
+        transmissions = tuple(self._transmissions(attachments))  # also records losses
+        return self._remove_world_link(source_model.SourceRobot(
             name=name, where=self.root.place("name"), root=root, links=links, attachments=attachments, losses=self.losses.all(),
-            mesh_folder=self.blocks.meshes, sensors=sensors, transmissions=transmissions,
-            base="free" if self.blocks.free else "fixed",
-        )
-        return self._remove_world_link(robot)
+            mesh_folder=self.blocks.meshes, sensors=sensors, transmissions=transmissions, base="free" if self.blocks.free else "fixed",
+        ))
 
     def _add_sensor_frames(
         self, links: tuple[source_model.SourceLink, ...], attachments: tuple[source_model.Attachment, ...],
@@ -232,8 +230,7 @@ class _Urdf:
         ends = {side: end for side in ("parent", "child") if (end := self._end(element, side)) is not None}
         pose, rpy = self.values.origin(element)
         if kind is not None and kind not in KINDS:
-            known = did_you_mean(kind, KINDS, what="kinds")
-            self.values.fault(element, "type", f"URDF has no joint type `{kind}`", known)
+            self.values.fault(element, "type", f"URDF has no joint type `{kind}`", did_you_mean(kind, KINDS, what="kinds"))
             return None
         joint = None if name is None or kind is None else self._joint(element, name, kind)
         if name is None or kind is None or len(ends) < 2:
@@ -290,13 +287,10 @@ class _Urdf:
         if joint is None or multiplier is None or offset is None:
             return None
         if joint not in self.moving:
-            self.losses.note(
-                f"the mimic of `{joint}` by joint `{name}`", "omitted, because the other joint does not move", mimic.where,
-            )
-            self.report.warn(
-                Code.SOURCE_DOUBT, f"joint `{name}` mimics `{joint}`, which is not a moving joint: it moves independently",
-                mimic.place("joint"), help=did_you_mean(joint, sorted(self.moving - {name}), what="joints"),
-            )
+            self.losses.note(f"the mimic of `{joint}` by joint `{name}`", "omitted, because the other joint does not move", mimic.where)
+            message = f"joint `{name}` mimics `{joint}`, which is not a moving joint: it moves independently"
+            help = did_you_mean(joint, sorted(self.moving - {name}), what="joints")
+            self.report.warn(Code.SOURCE_DOUBT, message, mimic.place("joint"), help=help)
             return None
         return source_model.SourceMimic(joint=joint, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
 
@@ -322,9 +316,8 @@ class _Urdf:
                 help = "use type `fixed`, or correct its limits"
                 self.values.fault(limit, None, f"`lower` and `upper` are both {lower:g}: this joint cannot move", help)
             elif not follows:
-                self.losses.note(
-                    f"`lower` and `upper` of a joint, both {lower:g}", "read as a joint without limits, as in simulators", limit.where,
-                )
+                what = f"`lower` and `upper` of a joint, both {lower:g}"
+                self.losses.note(what, "read as a joint without limits, as in simulators", limit.where)
             return source_model.SourceLimits(effort=effort, velocity=velocity)
         return source_model.SourceLimits(lower=lower, upper=upper, effort=effort, velocity=velocity)
 
@@ -333,13 +326,13 @@ class _Urdf:
         first = [attachment for attachment in robot.attachments if attachment.parent == robot.root]
         world = next(link for link in robot.links if link.name == robot.root)
         is_empty = world.weight is None and not world.shapes and len(first) == 1 and (first[0].floating or not first[0].joints)
-        if is_empty and (robot.root == WORLD or first[0].floating):
-            robot = replace(
-                robot, root=first[0].child, base="free" if first[0].floating else "fixed", pose=first[0].pose,
-                links=tuple(link for link in robot.links if link is not world),
-                attachments=tuple(attachment for attachment in robot.attachments if attachment is not first[0]),
-            )
-        return robot
+        if not is_empty or robot.root != WORLD and not first[0].floating:
+            return robot
+        return replace(
+            robot, root=first[0].child, base="free" if first[0].floating else "fixed", pose=first[0].pose,
+            links=tuple(link for link in robot.links if link is not world),
+            attachments=tuple(attachment for attachment in robot.attachments if attachment is not first[0]),
+        )
 
 
 SECONDS = 60
@@ -357,10 +350,8 @@ def expand_xacro(path: str, arguments: Mapping[str, str], packages: Mapping[str,
     """
     if find_spec("xacro") is None or not hasattr(os, "fork"):
         needed, install = ("an optional package", "pip install 'thingc[import]'; or ") if hasattr(os, "fork") else ("Linux or macOS", "")
-        report.add(
-            Code.COMMAND_LINE, f"xacro files require {needed}", None,
-            help=f"{install}run `xacro {path} > robot.urdf`, and import robot.urdf",
-        )
+        help = f"{install}run `xacro {path} > robot.urdf`, and import robot.urdf"
+        report.add(Code.COMMAND_LINE, f"xacro files require {needed}", None, help=help)
         return None
     limits = {"seconds": SECONDS, "timeout": 5.0 * SECONDS}
     request = json.dumps({"path": path, "packages": dict(packages), "arguments": dict(arguments), **limits})
@@ -396,7 +387,7 @@ def _uses_all_arguments(arguments: Mapping[str, str], files: Sequence[str], repo
     if any("load_yaml" in text for text in texts):
         return True
     known = {name for text in texts for pattern in _ARGUMENTS for name in pattern.findall(text)}
-    for name in (name_given for name_given in arguments if name_given not in known):
+    for name in [name for name in arguments if name not in known]:
         help = did_you_mean(name, sorted(known), what="arguments") or "remove the option"
         report.add(Code.COMMAND_LINE, f"--arg {name}: the file has no such argument", None, help=help)
     return known >= arguments.keys()

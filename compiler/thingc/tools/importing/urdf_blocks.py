@@ -63,8 +63,7 @@ class Blocks:
         for block in root.all("gazebo"):
             self._gazebo(block)
         driven = {name for name, block in (*self._transmission_joints(), *self._commanded_joints()) if self._is_joint(name, block)}
-        said = any(one.tag in ("transmission", "ros2_control") for one in root.children)
-        self.driven = driven if said else None
+        self.driven = driven if any(one.tag in ("transmission", "ros2_control") for one in root.children) else None
         self.meshes: str | None = None
         for block in root.all("mujoco"):
             self._mujoco(block)

@@ -137,7 +137,7 @@ class _Reading:
         self.parser = expat.ParserCreate()
         self.parser.buffer_text = True
         self.parser.StartElementHandler = self._begin
-        self.parser.EndElementHandler = self._end
+        self.parser.EndElementHandler = lambda _: self.open.pop()
         self.parser.CharacterDataHandler = self._text
         self.parser.EntityDeclHandler = self._entity
         self.parser.StartDoctypeDeclHandler = self._doctype
@@ -167,9 +167,6 @@ class _Reading:
         else:
             self.root = element
         self.open.append(element)
-
-    def _end(self, tag: str) -> None:
-        self.open.pop()
 
     def _text(self, text: str) -> None:
         if self.open:

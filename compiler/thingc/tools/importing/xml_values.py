@@ -167,10 +167,10 @@ class Values:
 
         Report an error if several child elements have this tag.
         """
-        first, *others = [*element.all(tag), None]
-        if first is not None and len(others) > 1 and others[0] is not None:
-            self.fault(others[0], None, f"a second `<{tag}>` in this `<{element.tag}>`", "remove one of the two elements")
-        return first
+        found = [*element.all(tag)]
+        if len(found) > 1:
+            self.fault(found[1], None, f"a second `<{tag}>` in this `<{element.tag}>`", "remove one of the two elements")
+        return found[0] if found else None
 
     def shape(self, element: SourceElement, form: SourceElement, file: str, pose: Pose, losses: Losses) -> SourceShape | None:
         """Read a `<visual>` or `<collision>` element.
@@ -216,11 +216,10 @@ class Values:
         The attributes `ixx` to `izz` contain the inertia about the centre of mass, in the axes of `pose`. `usual` is the default value of
         `ixx`, `iyy` and `izz`.
         """
-        six = {
-            key: self.number(element, key, usual if key[1] == key[2] else 0.0) or 0.0 for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        }
-        rows = ((six["ixx"], six["ixy"], six["ixz"]), (six["ixy"], six["iyy"], six["iyz"]), (six["ixz"], six["iyz"], six["izz"]))
-        turned = multiply(multiply(pose.rotation, rows), transpose(pose.rotation))
+        xx, xy, xz, yy, yz, zz = (
+            self.number(element, key, usual if key[1] == key[2] else 0.0) or 0.0 for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        )
+        turned = multiply(multiply(pose.rotation, ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))), transpose(pose.rotation))
         return MassProperties(mass=mass, centre=pose.translation, inertia=symmetric(turned))
 
 

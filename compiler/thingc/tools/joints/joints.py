@@ -90,9 +90,7 @@ def _bodies_and_contacts(
             near = all(low[k] <= upper[k] + CLEARANCE and lower[k] <= high[k] + CLEARANCE for k in range(3))
             if pair[0] != pair[1] and near:
                 new, known = contact(own, its), contacts.get(pair, Contact())
-                contacts[pair] = Contact(
-                    shafts=known.shafts + new.shafts, faces=known.faces + new.faces, holes=known.holes + new.holes,
-                )
+                contacts[pair] = Contact(shafts=known.shafts + new.shafts, faces=known.faces + new.faces, holes=known.holes + new.holes)
                 moved += [pair] if new != Contact() and not moves.isdisjoint((one.index, other.index)) else []
     return [_body(name, of, assembly) for name, of in members.items()], contacts, moved
 
@@ -145,13 +143,14 @@ def write_joints(
     """Write proposed joints into the document: those in `names`, or all unambiguous joints if `names` is empty."""
     assert proposed.document is not None and proposed.search is not None, "the document has errors"
     known = [one.name for one in proposed.proposals]
-    unknown = [name for name in names if name not in known]
-    wrong = [UserError(f"there is no proposed joint `{name}`", did_you_mean(name, known, what="proposals")) for name in unknown]
+    wrong = [
+        UserError(f"there is no proposed joint `{name}`", did_you_mean(name, known, what="proposals")).diagnostic
+        for name in names if name not in known
+    ]
     accepted = [one for one in proposed.proposals if (one.name in names if names else one.doubt is None)]
     if wrong or not accepted:
-        return EditResult(found=tuple(one.diagnostic for one in wrong))
-    document = proposed.document
-    groups = proposed.search.groups(accepted)
+        return EditResult(found=tuple(wrong))
+    document, groups = proposed.document, proposed.search.groups(accepted)
     rigid = [one.name for one in accepted if any(one.parent in group and one.child in group for group in groups)]
     if rigid:
         message = f"other contacts connect the parts of `{rigid[0]}` rigidly"
@@ -235,5 +234,4 @@ def _outwards(
 
 def _pose_values(pose: Pose) -> dict[str, Written]:
     """Return the keys of a pose in a document."""
-    words = pose_entries(pose)
-    return {key: text.strip("[]").split(", ") if text.startswith("[") else text for key, text in words.items()}
+    return {key: text.strip("[]").split(", ") if text.startswith("[") else text for key, text in pose_entries(pose).items()}

@@ -91,10 +91,10 @@ class JointSearch:
         while True:
             accepted = [candidate for candidate in candidates if candidate.doubt is None]
             of = {name: number for number, group in enumerate(self.groups(accepted)) for name in group}
-            accepted_by_groups: dict[frozenset[int], list[JointProposal]] = {}
+            by_ends: dict[frozenset[int], list[JointProposal]] = {}
             for candidate in accepted:
-                accepted_by_groups.setdefault(frozenset((of[candidate.parent], of[candidate.child])), []).append(candidate)
-            doubts = {one.key: doubt for ends, joints in accepted_by_groups.items() for one, doubt in _doubts_between(ends, joints)}
+                by_ends.setdefault(frozenset((of[candidate.parent], of[candidate.child])), []).append(candidate)
+            doubts = {one.key: doubt for ends, joints in by_ends.items() for one, doubt in _doubts_between(ends, joints)}
             if not doubts:
                 return self._name_proposals(candidates)
             candidates = [replace(candidate, doubt=doubts.get(candidate.key, candidate.doubt)) for candidate in candidates]

@@ -117,8 +117,7 @@ class _Reading:
         if key not in self._known:
             self._known[key] = self._definition(label, color or self._color(label), warp)
         known = self._known[key]
-        own = _name(label)
-        name = own if _NO_NAME.fullmatch(name) else name
+        name = _name(label) if _NO_NAME.fullmatch(name) else name
         return None if known is None else StepChild(name=name, pose=pose @ known.pose, part=known.part, assembly=known.assembly)
 
     def _definition(self, label: TDF_Label, color: str | None, warp: gp_Trsf | None) -> StepChild | None:

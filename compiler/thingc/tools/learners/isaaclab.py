@@ -78,8 +78,7 @@ def _actuator(drives: Sequence[DrivenJoint], joints: int | None) -> PythonCall:
     names = [re.escape(drive.name) for drive in drives]
     position, motor = drives[0].drive.kind == "position", drives[0].drive.kind == "motor"
     columns: dict[str, list[float | None]] = {
-        "effort_limit_sim": [drive.effort for drive in drives],
-        "velocity_limit_sim": [drive.velocity for drive in drives],
+        "effort_limit_sim": [drive.effort for drive in drives], "velocity_limit_sim": [drive.velocity for drive in drives],
         "stiffness": [drive.drive.kp or 0.0 if position else 0.0 for drive in drives],
         "damping": [0.0 if motor else drive.drive.kv or 0.0 for drive in drives],
         "armature": [drive.joint.dynamics.armature for drive in drives],

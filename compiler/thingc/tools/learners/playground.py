@@ -36,9 +36,7 @@ def _module(robot: Robot, tree: Element) -> bytes:
     ]
     for key in _section(tree, "keyframe").children[:1]:
         blocks.append(assignment("HOME_KEYFRAME", key.get("name")))
-        blocks += [
-            assignment(f"HOME_{name.upper()}", [float(number) for number in key.get(name).split()]) for name in ("qpos", "ctrl")
-        ]
+        blocks += [assignment(f"HOME_{name.upper()}", [float(number) for number in key.get(name).split()]) for name in ("qpos", "ctrl")]
     return module(robot, "MuJoCo Playground", ["from pathlib import Path"], blocks)
 
 

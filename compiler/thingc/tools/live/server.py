@@ -191,10 +191,9 @@ class Server:
         `run` identifies the server process. `build` and `against` count the pages of the document and of the overlay.
         """
         own, other = self._own, self._other
-        findings = [*own.findings, *(one for one in other.findings if one not in own.findings)]
         state = {
             "run": self._run, "build": own.count, "against": other.count, "seconds": self._seconds, "kernel": self._kernel,
-            "findings": findings,
+            "findings": [*own.findings, *(one for one in other.findings if one not in own.findings)],
         }
         return json_text(json.dumps(state, ensure_ascii=False))
 

@@ -288,10 +288,9 @@ class BackgroundWorkers:
         """
         service = geometry_of(self.workspace, self._options, self._store, workers=workers)
         definitions = [definition for definition, _ in work.definitions.values()]
-        convex = {text: pieces for text, (_, pieces) in work.definitions.items() if pieces}
         try:
             described = service.describe(list(work.references))
-            known = service.realize(definitions, convex)
+            known = service.realize(definitions, {text: pieces for text, (_, pieces) in work.definitions.items() if pieces})
             records = {text: record for text, (_, record, _) in work.slices.items()}
             slices = {text: slicings for text, (_, _, slicings) in work.slices.items()}
             sliced = service.slice([definition for definition, _, _ in work.slices.values()], records, slices)

@@ -60,15 +60,17 @@ def by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
     If the file of a diagnostic does not exist, such as a missing lock file, the diagnostic is assigned to the document. The result always
     contains the path of the document.
     """
-    return analysis.once("said", lambda: _by_file(analysis))
+    return analysis.once("diagnostics", lambda: _by_file(analysis))
 
 
 def _by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
-    edits_by_file: dict[str, list[dict[str, Any]]] = {analysis.path: []}
-    for one in analysis.findings:
-        span = one.span if one.span is not None and (one.span.file in analysis.open or os.path.isfile(one.span.file)) else None
-        edits_by_file.setdefault(analysis.path if span is None else span.file, []).append(as_protocol(one, span, analysis))
-    return edits_by_file
+    diagnostics_of: dict[str, list[dict[str, Any]]] = {analysis.path: []}
+    for finding in analysis.findings:
+        span = finding.span
+        if span is not None and not (span.file in analysis.open or os.path.isfile(span.file)):
+            span = None
+        diagnostics_of.setdefault(analysis.path if span is None else span.file, []).append(as_protocol(finding, span, analysis))
+    return diagnostics_of
 
 
 def as_protocol(diagnostic: Diagnostic, span: Span | None, analysis: Analysis) -> dict[str, Any]:

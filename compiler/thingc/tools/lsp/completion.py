@@ -258,8 +258,7 @@ class _CompletionRequest:
 
     def _is_used(self, word: str) -> bool:
         """Return whether another value of the same kind already contains the word. Completion lists such words last."""
-        kind = self.cursor.path[-1:]
-        if kind not in (("drive",), ("parent",), ("child",)) and self.cursor.path[2:3] != ("attach",):
+        if self.cursor.path[-1:] not in (("drive",), ("parent",), ("child",)) and self.cursor.path[2:3] != ("attach",):
             return False
         return any(
             text == word and path != self.cursor.path and path[0] in ("joints", "components") for path, text in self.cursor.scalars.items()
@@ -322,8 +321,7 @@ class _CompletionRequest:
 
     def _item(self, label: str, text: str, kind: int, *, rank: int, detail: str = "", description: str = "") -> CompletionItem:
         start = self.cursor.start
-        preceding = self.text[start - 1 : start]
-        if self.cursor.role == "value" and not self.cursor.typed and not self.cursor.quote and preceding == ":":
+        if self.cursor.role == "value" and not self.cursor.typed and not self.cursor.quote and self.text[start - 1 : start] == ":":
             text = f" {text}"
         return CompletionItem(
             shown=label, text=text, start=start, end=self.cursor.end, kind=kind, rank=rank, detail=detail, description=description,

@@ -327,15 +327,14 @@ def cursor_at(text: str, offset: int, *, toml: bool) -> Cursor | None:
     if place is None or scan.muted:
         return None
     end = min(place.end, scan.line_end(offset))
-    line = max(text.rfind("\n", 0, offset), text.rfind("\r", 0, offset)) + 1
-    start = max(place.start, line)
-    own = scan.keys.get(place.path, {})
+    start = max(place.start, text.rfind("\n", 0, offset) + 1, text.rfind("\r", 0, offset) + 1)
+    keys_at_cursor = scan.keys.get(place.path, {})
     after = scan.spaces(end + len(place.quote) if text.startswith(place.quote, end) else end)
     return Cursor(
         role=place.role, path=place.path, typed=text[start:offset], start=start, end=end, either=place.either, quote=place.quote,
         flow=place.flow, header=place.header, separated=place.role == "key" and text.startswith(scan.SEPARATOR, after), toml=toml,
         keys={
-            path: tuple(name for name, at in names.items() if not (names is own and place.role == "key" and at == place.start))
+            path: tuple(name for name, at in names.items() if not (names is keys_at_cursor and place.role == "key" and at == place.start))
             for path, names in scan.keys.items()
         },
         scalars=scan.scalars,

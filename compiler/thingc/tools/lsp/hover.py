@@ -107,8 +107,7 @@ def _of_parameter(analysis: Analysis, name: str) -> str:
     node = None if analysis.tree is None else node_at(analysis.tree, ("parameters", name))
     entries = {key: str(one.plain()) for key, one in entries_of(node).items()}
     bounds = [f"at {word} `{entries[key]}`" for key, word in (("min", "least"), ("max", "most")) if key in entries]
-    lines = [entries["doc"]] if "doc" in entries else []
-    return "; ".join((f"**{name}** = {format_values((parameter,))}", *bounds, *lines))
+    return "; ".join((f"**{name}** = {format_values((parameter,))}", *bounds, *([entries["doc"]] if "doc" in entries else [])))
 
 
 # --- components and mounts ---------------------------------------------------------------------------------------------

@@ -77,41 +77,37 @@ def _names(analysis: Analysis, *, near: bool = False) -> _Names | None:
 
 def _find_name(analysis: Analysis, place: TextPlace, *, near: bool = False) -> tuple[_Names, NamePlace] | None:
     names = _names(analysis, near=near)
-    named = names.at(place) if names is not None else None
-    return None if names is None or named is None else (names, named)
+    name = None if names is None else names.at(place)
+    return None if names is None or name is None else (names, name)
 
 
 def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """Return the location of the declaration of the name at a position. In a Python file, return the documents that use the name."""
-    named = _find_name(analysis, place, near=not analysis.path.endswith(".py"))
-    if named is None:
+    if (found := _find_name(analysis, place, near=not analysis.path.endswith(".py"))) is None:
         return []
-    names, name = named
+    names, name = found
     if name.name.kind == "document":
         return names.locations([line_of(name.name.file)])
-    places = names.sight.index.by_name[name.name]
     if name.role == "declared" and name.span.file.endswith(".py"):
-        return names.locations(one.span for one in places if not one.span.file.endswith(".py"))
+        return names.locations(one.span for one in names.sight.index.by_name[name.name] if not one.span.file.endswith(".py"))
     declared = names.sight.index.find_declaration(name.name)
     return names.locations([] if declared is None else [declared])
 
 
 def references(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """Return the locations of all uses of the name at a position, including name patterns that match the name."""
-    named = _find_name(analysis, place)
-    if named is None:
+    if (found := _find_name(analysis, place)) is None:
         return []
-    names, name = named
+    names, name = found
     declared = params.get("context", {}).get("includeDeclaration", True)
     return names.locations(one.span for one in names.sight.index.by_name[name.name] if declared or one.role != "declared")
 
 
 def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """Return the locations in the same document where the name at a position is used."""
-    named = _find_name(analysis, place, near=True)
-    if named is None:
+    if (found := _find_name(analysis, place, near=True)) is None:
         return []
-    names, name = named
+    names, name = found
     kinds = {"declared": _WRITE, "used": _READ, "fits": _TEXT}
     uses = [one for one in names.sight.index.by_name[name.name] if one.span.file == analysis.path]
     return [{"range": range_of_use, "kind": kinds[one.role]} for one in uses if (range_of_use := names.range(one.span)) is not None]
@@ -119,10 +115,9 @@ def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
 
 def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """Return the name to rename at a position, or None if there is no name. Raises `RenameRefused` if the name cannot be renamed."""
-    named = _find_name(analysis, place)
-    if named is None:
+    if (found := _find_name(analysis, place)) is None:
         return None
-    names, name = named
+    names, name = found
     check_renamable(names.sight, name.name)
     if name.role == "fits":
         raise RenameRefused(f"`{name.name.text}` only matches the pattern here: rename the element at its definition")
@@ -134,10 +129,9 @@ def rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
 
     Raises `RenameRefused` if the name cannot be renamed.
     """
-    named = _find_name(analysis, place)
-    if named is None:
+    if (found := _find_name(analysis, place)) is None:
         raise RenameRefused("there is no name at this position")
-    names, name = named
+    names, name = found
     prepare_rename(analysis, text, place, params)
     result = rename_edits(names.sight, name.name, params["newName"])
     changes: dict[str, list[dict[str, Any]]] = {}
@@ -153,13 +147,11 @@ def workspace_symbols(analysis: Analysis, text: str, place: TextPlace, params: A
     """Return the names in a workspace that match a query. A name matches if it contains the letters of the query in the same order."""
     names, query = _names(analysis), params.get("query", "").lower()
     symbols: list[dict[str, Any]] = []
-    for one in names.sight.index.places if names is not None else ():
-        if one.role == "declared" and _has(one.name.text.lower(), query) and names is not None and len(symbols) < MAX_SYMBOLS:
-            located = names.locations([one.span])
-            container = one.name.owner or os.path.basename(one.name.file)
-            symbols += [
-                {"name": one.name.text, "kind": _KINDS[one.name.kind], "location": there, "containerName": container} for there in located
-            ]
+    for place_of in names.sight.index.places if names is not None else ():
+        name = place_of.name
+        if place_of.role == "declared" and _has(name.text.lower(), query) and names is not None and len(symbols) < MAX_SYMBOLS:
+            symbol = {"name": name.text, "kind": _KINDS[name.kind], "containerName": name.owner or os.path.basename(name.file)}
+            symbols += [{**symbol, "location": location} for location in names.locations([place_of.span])]
     return symbols
 
 

@@ -239,9 +239,8 @@ def _dimensions(flats: list[Schema]) -> tuple[Dimension, ...]:
 
 
 def _in_examples(flats: list[Schema]) -> Iterator[Dimension]:
-    said = " ".join(str(flat.get(word, "")) for flat in flats for word in ("patternErrorMessage", "description"))
-    examples = [str(one) for flat in flats for one in flat.get("examples", ())]
-    for example in (*re.findall(r"`([^`]*)`", said), *examples):
+    texts = " ".join(str(flat.get(key, "")) for flat in flats for key in ("patternErrorMessage", "description"))
+    for example in (*re.findall(r"`([^`]*)`", texts), *(str(one) for flat in flats for one in flat.get("examples", ()))):
         with contextlib.suppress(UnitError):
             dimension = parse_quantity(example).dimension
             if dimension != NUMBER:

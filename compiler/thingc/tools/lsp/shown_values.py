@@ -54,22 +54,20 @@ def bounds_of(analysis: Analysis, cursor: Cursor) -> tuple[float, float]:
 
     Unknown bounds are infinite.
     """
-    low, high = -math.inf, math.inf
     path, known = cursor.path, analysis.known
-    if len(path) != 4 or path[0] != "components":
-        return low, high
-    if path[2] == "params":
+    low = high = None
+    if len(path) == 4 and path[0] == "components" and path[2] == "params":
         part = known.schemas.get(cursor.scalars.get((*path[:2], "part"), ""))
-        one = next((one for one in part.parameters if one.name == path[3]), None) if isinstance(part, PartSchema) else None
-        if one is not None:
-            low, high = (end if one_end is None else float(one_end) for end, one_end in ((low, one.minimum), (high, one.maximum)))
-    elif path[2] == "parameters":
+        parameter = next((one for one in part.parameters if one.name == path[3]), None) if isinstance(part, PartSchema) else None
+        if parameter is not None:
+            low, high = (None if bound is None else float(bound) for bound in (parameter.minimum, parameter.maximum))
+    elif len(path) == 4 and path[0] == "components" and path[2] == "parameters":
         name = cursor.scalars.get((*path[:2], "assembly"), "")
         document = known.document(os.path.normpath(os.path.join(os.path.dirname(known.path), name)))
         ends = [None if document is None else node_at(document.tree, ("parameters", str(path[3]), end)) for end in ("min", "max")]
         values = [parse_expression_value(text_of(end), {}) for end in ends]
-        low, high = (one.value if isinstance(one, Quantity) else end for end, one in zip((low, high), values, strict=True))
-    return low, high
+        low, high = (value.value if isinstance(value, Quantity) else None for value in values)
+    return -math.inf if low is None else low, math.inf if high is None else high
 
 
 def parse_expression_value(text: str, names: Mapping[str, ExpressionValue]) -> ExpressionValue | None:

@@ -149,9 +149,8 @@ class Tools:
         if self._trusted or command == "explain":
             return []
         if command == "render":
-            raise console.WrongCommandLine(
-                "`render` needs the code of parts, which must not run because the folder is not trusted", "start the server with --trusted",
-            )
+            message = "`render` needs the code of parts, which must not run because the folder is not trusted"
+            raise console.WrongCommandLine(message, "start the server with --trusted")
         return ["--no-code"]
 
     def _to_words(self, given: Mapping[str, Any]) -> list[str]:

@@ -11,8 +11,9 @@ import json
 import os
 import re
 from functools import cache
-from itertools import groupby
 from typing import Any
+
+from thingc.tools.grouping import group_by
 
 Explanation = dict[str, Any]
 """The keys are `code`, `name`, `title`, `meaning`, `cure`, `wrong` and `right`.
@@ -88,5 +89,5 @@ def sections() -> list[tuple[str, list[Explanation]]]:
 
     A section has a title such as `TC3xx: names and values across documents`.
     """
-    groups = groupby(explanations(), key=lambda code: code["code"][:3])
-    return [(f"{hundred}xx: {_data()['sections'][hundred]}", list(codes)) for hundred, codes in groups]
+    by_hundred = group_by(explanations(), lambda code: str(code["code"][:3]))
+    return [(f"{hundred}xx: {_data()['sections'][hundred]}", codes) for hundred, codes in by_hundred.items()]

@@ -19,6 +19,7 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import NO_POSE, Matrix, Pose, Vector, add_scaled, along, cross, dot, scale_vector, turned_z
 from thingc.model.assembly.types import Assembly, JointEdge
 from thingc.model.robot.tree import in_link
+from thingc.tools.grouping import group_by
 
 if TYPE_CHECKING:
     from thingc.modes.frames import Array
@@ -205,9 +206,7 @@ class _Builder:
     def build(self, name: str) -> Mechanism:
         """Return the mechanism. Links that welds connect are merged to one link, and two balls between the same links to a rotation."""
         into = self._merge_links()
-        groups: dict[int, list[int]] = {}
-        for link, (head, _) in into.items():
-            groups.setdefault(head, []).append(link)
+        groups = group_by(into, lambda link: into[link][0])
         index = {head: number for number, head in enumerate(groups)}
         links = tuple(
             self.links[head] if len(members) == 1 else

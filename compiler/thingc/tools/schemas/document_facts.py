@@ -15,6 +15,7 @@ from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.geometry.record import MountRecord, PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.types import AssemblyDefinition, Component, Joint
+from thingc.tools.grouping import group_by
 from thingc.tools.schemas.parameter_schemas import parse_value, symbols_of, within
 
 ORIGIN = "origin"
@@ -147,12 +148,8 @@ def _summary(node: Node) -> str:
 
 def _by_item(model: AssemblyDefinition) -> dict[str, tuple[Component, ...]]:
     """Group the components of a model by the name in the document. The components that a `repeat` creates form one group."""
-    by_place: dict[tuple[int, int], list[Component]] = {}
-    for component in model.components:
-        span = component.origin[0]
-        by_place.setdefault((span.line, span.column), []).append(component)
     by_name: dict[str, tuple[Component, ...]] = {}
-    for items in by_place.values():
+    for items in group_by(model.components, lambda component: (component.origin[0].line, component.origin[0].column)).values():
         name = items[0].name
         by_name[name] = tuple(items)
         if name.rpartition("_")[2].isdigit():

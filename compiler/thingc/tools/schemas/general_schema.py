@@ -26,8 +26,7 @@ def json_schema(kind: str) -> dict[str, Any]:
     model = model_of(kind)
     assert model is not None, kind
     schema = model.model_json_schema(schema_generator=_Generator)
-    checks = {check.name: check.summary for check in kinds().values()}
-    documented = {**_documentation(), "TestSpec": checks}
+    documented = {**_documentation(), "TestSpec": {check.name: check.summary for check in kinds().values()}}
     for name, definition in {**schema.get("$defs", {}), model.__name__: schema}.items():
         _describe(definition, documented.get(name, {}))
     cleaned: dict[str, Any] = _without_null(schema)

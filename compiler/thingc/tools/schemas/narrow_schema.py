@@ -168,11 +168,9 @@ class _Narrowing:
 
     def _parts(self) -> None:
         """Adapt the JSON Schema of a component to the part or assembly that the component uses."""
-        choices = [(reference, documentation(part)) for reference, part in self.around.parts.items()]
-        self._put("ComponentSpec", "part", one_of(choices))
-        self._put("ComponentSpec", "assembly", one_of(
-            (name, one.description or one.name or "An assembly.") for name, one in self.around.assemblies.items()
-        ))
+        assemblies = self.around.assemblies.items()
+        self._offer("ComponentSpec", "part", ((reference, documentation(part)) for reference, part in self.around.parts.items()))
+        self._offer("ComponentSpec", "assembly", ((name, one.description or one.name or "An assembly.") for name, one in assemblies))
         rules: list[Schema] = []
         for reference, part in self.around.parts.items():
             self.definitions[params_name(reference)] = part_schema(part, self.facts.parameters)
@@ -198,8 +196,7 @@ class _Narrowing:
 
         In the short form of `attach`, the mounts are keys. In the full form, a mount is the value of the key `mount`.
         """
-        properties = {name: {**_ref("mount"), "description": text} for name, text in mounts.items()}
-        short: Schema = {"properties": properties}
+        short: Schema = {"properties": {name: {**_ref("mount"), "description": text} for name, text in mounts.items()}}
         full = one_of(mounts.items())
         if sure:
             # the compiler validates names such as `hip_$i` and `cap.pen`
@@ -227,7 +224,7 @@ class _Narrowing:
             return _ref("ComponentSpec")
         key, text = piece.source
         name = f"{piece.label} here"
-        properties = {**self._attach(piece.mounts, sure=True)}
+        properties = self._attach(piece.mounts, sure=True)
         if self.definitions.setdefault(name, properties) != properties:  # the component has additional mounts
             name = f"{piece.name} here"
             self.definitions[name] = properties
@@ -236,8 +233,7 @@ class _Narrowing:
     # --- joints, poses, modes, sensors --------------------------------------------------------------------------
 
     def _joints(self) -> None:
-        joints = [(name, joint.what) for name, joint in self.facts.joints.items() if joint.own]
-        self._offer("MimicSpec", "joint", joints)
+        self._offer("MimicSpec", "joint", [(name, joint.what) for name, joint in self.facts.joints.items() if joint.own])
         section = self.properties["joints"]
         _set_each(section, self._plain("JointSpec", "Joint"))
         section["properties"] = {
@@ -247,8 +243,7 @@ class _Narrowing:
 
     def _poses(self) -> None:
         settable = {name: joint for name, joint in self.facts.joints.items() if joint.settable}
-        pose = _each(self.properties["poses"])
-        pose["properties"] = {
+        _each(self.properties["poses"])["properties"] = {
             **{
                 name: {"title": name, "description": f"A pose of the document nested as `{name}`.", **one_of((one, "") for one in poses)}
                 for name, poses in self.facts.nested_poses.items() if poses

@@ -287,8 +287,7 @@ def of_variants(general: Schema, assembly: DocumentSymbols | None, others: Mappi
     """
     schema = copy.deepcopy(general)
     fields: Schema = schema["properties"]
-    choices = [(name, one.description or one.name) for name, one in others.items()]
-    fields["assembly"] = {**fields["assembly"], **one_of(choices)}
+    fields["assembly"] = {**fields["assembly"], **one_of([(name, one.description or one.name) for name, one in others.items()])}
     if assembly is not None and assembly.whole:
         section = fields["parameters"]
         (value,) = section.pop("patternProperties", {"": section.get("additionalProperties")}).values()

@@ -86,8 +86,7 @@ class Parts:
         They are the mounts of the part with default parameters, or else of the first known part definition.
         """
         mounts: dict[str, Names] = {}
-        defaults = self.defaults()
-        for one in (*defaults.values(), *sorted(definitions, key=lambda one: one.text)):
+        for one in (*self.defaults().values(), *sorted(definitions, key=lambda one: one.text)):
             record = self.records.get(one.text)
             if isinstance(record, PartRecord):
                 mounts.setdefault(one.reference, usual_mounts(record))
@@ -293,8 +292,7 @@ class Schemas:
         The keys are paths relative to the given document, the nearest document first.
         """
         others = {relative_to_document(name, other): one for other, one in self._symbols.items() if one.kind == kind and other != name}
-        order = sorted(others, key=lambda text: (text.count("/"), text))[:MAX_OTHERS]
-        return {text: others[text] for text in order}
+        return {text: others[text] for text in sorted(others, key=lambda text: (text.count("/"), text))[:MAX_OTHERS]}
 
 
 # --- the folder `.thingc/schema/` of a workspace, never in git ---

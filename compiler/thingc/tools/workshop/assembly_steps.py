@@ -27,6 +27,7 @@ from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly, Mate, Occurrence
 from thingc.model.solids.shapes import Solid, Solids
 from thingc.targets.bom.emit import is_listed
+from thingc.tools.grouping import group_by
 
 Array = NDArray[np.float64]
 
@@ -141,10 +142,8 @@ class _Planner:
     def pieces(self, path: str) -> list[Piece]:
         """Return the pieces of the assembly at a path in the order of the document, with their mates."""
         prefix = f"{path}/" if path else ""
-        members: dict[str, list[Occurrence]] = {}
-        for one in self._assembly.occurrences:
-            if one.path.startswith(prefix):
-                members.setdefault(one.path[len(prefix):].partition("/")[0], []).append(one)
+        inside = (one for one in self._assembly.occurrences if one.path.startswith(prefix))
+        members = group_by(inside, lambda one: one.path[len(prefix):].partition("/")[0])
         found = []
         for name, occurrences in members.items():
             first = occurrences[0]

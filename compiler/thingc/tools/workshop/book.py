@@ -83,9 +83,7 @@ class _Book:
         done: list[Piece] = []
         for index, step in enumerate(section.steps, 1):
             there = [one for piece in done for one in piece.occurrences]
-            url = None
-            if self._pictures is not None:
-                url = self._pictures.step(there, step, (done or step.pieces)[0].first)
+            url = None if self._pictures is None else self._pictures.step(there, step, (done or step.pieces)[0].first)
             done += step.pieces
             yield f'<div class="step">{_image(url, f"step {number}.{index}")}<div><div class="number">{number}.{index}</div><ul>'
             yield f"<li><b>{len(step.pieces)} &times; {self._name(step.pieces[0])}</b></li>"

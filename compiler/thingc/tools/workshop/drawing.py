@@ -160,9 +160,8 @@ def _holes(features: Features) -> list[Hole]:
         if one.hollow and one.sweep >= HOLE:
             group = next((group for group in axes if _same_line(one.line, group[0].line)), None)
             if group is None:
-                axes.append([one])
-            else:
-                group.append(one)
+                axes.append(group := [])
+            group.append(one)
     names = ("top", "front", "left", None)
     found = [Hole(cylinders=tuple(sorted(group, key=lambda one: one.radius)), view=_view_along(group[0].line.axis)) for group in axes]
     return sorted(found, key=lambda hole: names.index(hole.view))

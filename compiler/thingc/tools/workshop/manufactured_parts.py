@@ -12,6 +12,7 @@ from thingc.geometry.record import AssemblyFailed, PartDefinition
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.targets import EmitRequest, Loss
 from thingc.targets.bom.emit import make_of, plain_name
+from thingc.tools.grouping import group_by
 
 Result = TypeVar("Result")
 
@@ -73,11 +74,11 @@ def compute_parts(
 
 def manufactured_parts(assembly: Assembly) -> list[ManufacturedPart]:
     """Return the parts with geometry that are not bought. Parts with equal names are named after their definitions and materials."""
-    alike: dict[tuple[object, ...], list[Occurrence]] = {}
-    for one in assembly.occurrences:
-        if isinstance(one.component.definition, PartDefinition) and one.record is not None and one.record.box and make_of(one) != "buy":
-            alike.setdefault((one.definition, one.material.name if one.material is not None else None), []).append(one)
-    groups = list(alike.values())
+    made = [
+        one for one in assembly.occurrences
+        if isinstance(one.component.definition, PartDefinition) and one.record is not None and one.record.box and make_of(one) != "buy"
+    ]
+    groups = list(group_by(made, lambda one: (one.definition, one.material and one.material.name)).values())
     names = [_simple(plain_name(group[0])) for group in groups]
     owners: dict[str, set[object]] = {}
     for name, group in zip(names, groups, strict=True):

@@ -25,6 +25,7 @@ from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.targets import Artifacts, EmitRequest, Loss
 from thingc.targets.bom.emit import make_of, plain_name
 from thingc.targets.stl.emit import direction_up, turn_stl
+from thingc.tools.grouping import group_by
 
 GAP = 5.0
 """Distance between parts on a plate, and twice the distance between the parts and the edge of the bed [mm]."""
@@ -88,16 +89,16 @@ def prints_of(assembly: Assembly, store: Store, bed: Sequence[float], report: Re
 
     `bed` is the size of the bed, with the largest height [m]. Prints that do not fit are reported and omitted.
     """
-    alike: dict[tuple[object, ...], list[Occurrence]] = {}
-    for one in assembly.occurrences:
-        mesh = one.record.meshes.get("print") if one.record is not None else None
-        if isinstance(one.component.definition, PartDefinition) and mesh is not None and make_of(one) == "print":
-            settings = tuple(sorted(settings_of(one).items()))
-            alike.setdefault((one.definition, direction_up(one, store), _material(one), settings), []).append(one)
-    names = [plain_name(group[0]) for group in alike.values()]
+    printed = (
+        one for one in assembly.occurrences
+        if isinstance(one.component.definition, PartDefinition) and one.record is not None and "print" in one.record.meshes
+        and make_of(one) == "print"
+    )
+    groups = group_by(printed, lambda one: (one.definition, direction_up(one, store), _material(one), tuple(settings_of(one).items())))
+    names = [plain_name(group[0]) for group in groups.values()]
     prints: list[Print] = []
     losses: list[Loss] = []
-    for group, name in zip(alike.values(), names, strict=True):
+    for group, name in zip(groups.values(), names, strict=True):
         first = group[0]
         assert isinstance(first.component.definition, PartDefinition) and first.record is not None
         mesh = first.record.meshes["print"]
@@ -107,15 +108,13 @@ def prints_of(assembly: Assembly, store: Store, bed: Sequence[float], report: Re
         label = name if names.count(name) == 1 else first.component.definition.stem
         up, stl = direction_up(first, store), store.read(mesh.sha256)
         vertices, faces = upright(stl, up)
-        sideways = _fits(vertices, label, first, bed, report)
+        count, sideways = len(group), _must_rotate(vertices, label, first, bed, report)
         if sideways is not None:
-            prints.append(Print(
-                first=first, count=len(group), label=label, stl=stl, up=up, vertices=vertices, faces=faces, sideways=sideways,
-            ))
+            prints.append(Print(first=first, count=count, label=label, stl=stl, up=up, vertices=vertices, faces=faces, sideways=sideways))
     return prints, losses
 
 
-def _fits(vertices: NDArray[np.float64], label: str, first: Occurrence, bed: Sequence[float], report: Report) -> bool | None:
+def _must_rotate(vertices: NDArray[np.float64], label: str, first: Occurrence, bed: Sequence[float], report: Report) -> bool | None:
     """Return whether a part has to be rotated to fit on the bed. If it does not fit, report an error and return None."""
     x, y, z = vertices.max(axis=0) + (GAP, GAP, 0.0)
     bed_x, bed_y, bed_z = (1e3 * length for length in bed)

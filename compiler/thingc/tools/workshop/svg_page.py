@@ -51,8 +51,7 @@ def _sample(curve: Spline) -> list[Point]:
     spline = BSpline(np.array(curve.knots), np.hstack([np.array(curve.points) * weights, weights]), curve.degree)
     knots = np.unique(curve.knots)
     steps = np.linspace(0.0, len(knots) - 1.0, max(PIECES, 2 * (len(knots) - 1)) + 1)
-    values = spline(np.interp(steps, np.arange(len(knots)), knots))
-    return [(float(x / w), float(y / w)) for x, y, w in values]
+    return [(float(x / w), float(y / w)) for x, y, w in spline(np.interp(steps, np.arange(len(knots)), knots))]
 
 
 def number(value: float) -> str:

@@ -125,14 +125,10 @@ class Actuators:
         if not affine or constant or any(others) or kv < 0.0 or gain < 0.0:
             return None
         effort = _largest(most if force is None else (force[0] * abs(gear), force[1] * abs(gear)))
-        wanted = [
-            ("gear", numbers(gear)), ("kv", numbers(kv)), *_range_keys("ctrl", control).items(), *_range_keys("force", force).items(),
-        ]
+        wanted = [("gear", numbers(gear)), ("kv", numbers(kv)), *_range_keys("ctrl", control).items(), *_range_keys("force", force).items()]
         otherwise = {"gear": "1", "kv": numbers(kv * gear * gear), **_range_keys("force", None if effort is None else (-effort, effort))}
-        drive = SourceDrive(
-            name=self.original.actuators[number], kind="position", where=self.original.where("actuator", number), kv=kv * gear * gear,
-            effort=effort,
-        )
+        name, where = self.original.actuators[number], self.original.where("actuator", number)
+        drive = SourceDrive(name=name, kind="position", where=where, kv=kv * gear * gear, effort=effort)
         if position == -gain and dynamic in (NOT_DYNAMIC, EXACT):
             wanted.append(("kp", numbers(gain)))
             if dynamic == EXACT:

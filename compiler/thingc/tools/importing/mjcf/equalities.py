@@ -35,14 +35,16 @@ class Equalities:
         loops = []
         for number in range(self.model.neq):
             kind = int(self.model.eq_type[number])
-            why = "" if self.model.eq_active0[number] else "the equality is not active, but couplings in a document are always active"
-            if not why and kind == JOINT:
+            why = ""
+            if not self.model.eq_active0[number]:
+                why = "the equality is not active, but couplings in a document are always active"
+            elif kind == JOINT:
                 why = self._follow(number)
-            elif not why and kind in (CONNECT, WELD):
+            elif kind in (CONNECT, WELD):
                 loop = self._loop(number)
                 why = "the equality does not connect two links" if loop is None else ""
                 loops += [] if loop is None else [loop]
-            elif not why and not added.equality(number):
+            elif not added.equality(number):
                 why = "documents only support equalities that couple joints or close loops"
             if why:
                 original.lose("equality", number, f"equality `{original.equalities[number]}`", why)
@@ -82,10 +84,9 @@ class Equalities:
         ends = [*self._ends(number)]
         if len(ends) < 2 or ends[0][0] == ends[1][0]:
             return None
-        kind = int(self.model.eq_type[number])
         return SourceLoop(
             name=self.original.equalities[number].removesuffix(":loop"),  # thingc appends this suffix
-            kind="ball" if kind == CONNECT else "fixed", ends=(ends[0], ends[1]),
+            kind="ball" if int(self.model.eq_type[number]) == CONNECT else "fixed", ends=(ends[0], ends[1]),
             where=self.original.where("equality", number), raw=self._raw(number, {}),
             equality=self.original.written["equality"][number].name,
         )
@@ -96,11 +97,10 @@ class Equalities:
         Each link is paired with the pose of the connection in the frame of the link.
         """
         model, data = self.model, floats(self.model.eq_data[number])
-        kind = int(model.eq_type[number])
         for index, thing in enumerate((int(model.eq_obj1id[number]), int(model.eq_obj2id[number]))):
             if int(model.eq_objtype[number]) == SITE:
                 body, pose = int(model.site_bodyid[thing]), pose_of(model.site_pos[thing], model.site_quat[thing])
-            elif kind == CONNECT:
+            elif int(model.eq_type[number]) == CONNECT:
                 body, pose = thing, make_translation(*data[3 * index : 3 * index + 3])
             else:
                 body, pose = thing, NO_POSE if index else pose_of(data[3:6], data[6:10])

@@ -101,8 +101,7 @@ class _Reader:
             self.parents[body], self._released[body] = root, (NO_POSE if root == WORLD else self._pose(root)).inverse() @ self._pose(body)
         carriers = self._carriers(bodies, root)
         for body in (body for body in sorted(bodies) if self.model.body_mass[body] <= 0.0 and any(floats(self.model.body_inertia[body]))):
-            description = f"the inertia of body `{self.original.bodies[body]}`"
-            self.original.lose("body", body, description, "the body has no mass")
+            self.original.lose("body", body, f"the inertia of body `{self.original.bodies[body]}`", "the body has no mass")
         links = [body for body in sorted(bodies) if carriers[body][0] == body or body in self._mounts]
         joints = {joint for body in bodies for joint in self.joints[body]}
         sites = {site for site in range(self.model.nsite) if int(self.model.site_bodyid[site]) in bodies}
@@ -227,28 +226,21 @@ class _Reader:
             if group[body] != chosen and body not in self.free:
                 description = f"body `{self.original.bodies[body]}`, with everything attached to it"
                 self.original.lose("body", body, description, "the body is not part of the robot, and a document contains only one robot")
-        on_world = self._on_world(planes=False)
+        model, geoms = self.model, self.original.geoms_of[WORLD]
+        planes = [geom for geom in geoms if model.geom_type[geom] == PLANE]
+        on_world = [("geom", geom) for geom in geoms if geom not in planes]
+        on_world += [("site", site) for site in range(model.nsite) if model.site_bodyid[site] == WORLD]
         if chosen == WORLD:
             first = [body for body in tops if group[body] == WORLD]
             alone = len(first) == 1 and not self.joints[first[0]] and not on_world
             bodies_of_robot = groups[WORLD] - {WORLD} if alone else groups[WORLD]
         else:
             bodies_of_robot = groups[chosen]
-        for kind, number in [*self._on_world(planes=True), *([] if WORLD in bodies_of_robot else on_world)]:
-            is_plane = (kind, number) not in on_world
-            reason = "floors are part of a scene, not of a robot" if is_plane else "fixed to the world, so not part of the robot"
-            self.original.lose(kind, number, f"a {kind} of the world", reason)
+        for geom in planes:
+            self.original.lose("geom", geom, "a geom of the world", "floors are part of a scene, not of a robot")
+        for kind, number in () if WORLD in bodies_of_robot else on_world:
+            self.original.lose(kind, number, f"a {kind} of the world", "fixed to the world, so not part of the robot")
         return bodies_of_robot.union(*(groups[body] for body in groups.keys() & self.free)), min(bodies_of_robot)
-
-    def _on_world(self, *, planes: bool) -> list[tuple[str, int]]:
-        """Return pairs of kind and index for the geoms and sites of the world body.
-
-        If `planes` is true, return only the planes, else everything except the planes.
-        """
-        model = self.model
-        geoms = [("geom", k) for k in range(model.ngeom) if model.geom_bodyid[k] == WORLD and (model.geom_type[k] == PLANE) == planes]
-        sites = [] if planes else [("site", k) for k in range(model.nsite) if model.site_bodyid[k] == WORLD]
-        return geoms + sites
 
     def _carriers(self, kept: set[int], root: int) -> dict[int, tuple[int, Pose]]:
         """Map each body to the link that represents the body, and to the pose of the body in the frame of this link.
@@ -256,8 +248,8 @@ class _Reader:
         A body becomes a mount of its parent if the body and all its descendants are fixed and have neither mass nor shapes.
         """
         bare = {
-            body for body in kept if body != root and not self.joints[body] and self.model.body_mass[body] <= 0.0
-            and not self.model.body_geomnum[body]
+            body for body in kept - {root}
+            if not self.joints[body] and self.model.body_mass[body] <= 0.0 and not self.model.body_geomnum[body]
         }
         for body in sorted(kept, reverse=True):
             if body not in bare and body != root:
@@ -267,7 +259,7 @@ class _Reader:
         on: dict[int, tuple[int, Pose]] = {}
         for body in sorted(kept):
             link, pose = on[self.parents[body]] if body in bare else (body, NO_POSE)
-            on[body] = (link, pose @ self._pose(body)) if body in bare else (body, NO_POSE)
+            on[body] = link, pose @ self._pose(body) if body in bare else NO_POSE
             self._carried.setdefault(link, []).append(body)
         return on
 
@@ -309,10 +301,10 @@ class _Reader:
         full = floats(written.fullinertia)
         if all(map(math.isfinite, full)):  # prefer the values in the source, because MuJoCo rotates them twice
             a, b, c, d, e, f = full
-            said = ((a, d, e), (d, b, f), (e, f, c))
+            source_inertia = ((a, d, e), (d, b, f), (e, f, c))
             largest = max(map(abs, full))
-            if all(abs(said[i][j] - inertia[i][j]) <= _ALIKE * largest for i in range(3) for j in range(3)):
-                inertia = said
+            if all(abs(source_inertia[i][j] - inertia[i][j]) <= _ALIKE * largest for i in range(3) for j in range(3)):
+                inertia = source_inertia
         properties = MassProperties(mass=mass, centre=(x, y, z), inertia=inertia)
         return Weight(properties=properties, where=next(element.all("inertial"), element).where)
 

@@ -116,26 +116,25 @@ class Sensing:
         model, original = self.model, self.original
         numbers: dict[str, dict[str, float]] = {"noise": {}, "cutoff": {}}
         for number, reading in readings:
-            for key, said in numbers.items():
+            for key, values in numbers.items():
                 value = float(getattr(model, f"sensor_{key}")[number])
                 if value and reading in ("quat", "magnetometer", "momentum", "time"):
                     what = f"{key} of sensor `{original.sensors[number]}`"
                     original.lose("sensor", number, what, f"a document cannot specify this value for a `{reading}`")
                 elif value:
-                    said[reading] = value
+                    values[reading] = value
         volume: tuple[ShapeKind, tuple[float, ...]] | None = None
         if place.kind == "touch":
             site = int(model.sensor_objid[readings[0][0]])
             shape = KINDS[int(model.site_type[site])]
             volume = shape, sizes_of(shape, model.site_size[site])
-        words = {original.sensors[number].removesuffix(f":{reading}") for number, reading in readings}
-        own = all(original.sensors[number].endswith(f":{reading}") for number, reading in readings) and len(words) == 1
+        parts = tuple((original.sensors[number], reading) for number, reading in readings)
+        names = {name.removesuffix(f":{reading}") for name, reading in parts}
+        has_own_name = all(name.endswith(f":{reading}") for name, reading in parts) and len(names) == 1
         return SourceSensor(
-            kind=place.kind, name=words.pop() if own else place.site or place.joint or place.tendon or place.kind,
-            where=original.where("sensor", readings[0][0]), site=place.site,
-            seen_from=place.seen_from, joint=place.joint, tendon=place.tendon, volume=volume, noise=numbers["noise"],
-            cutoff=numbers["cutoff"],
-            parts=tuple((original.sensors[number], reading) for number, reading in readings),
+            kind=place.kind, name=names.pop() if has_own_name else place.site or place.joint or place.tendon or place.kind,
+            where=original.where("sensor", readings[0][0]), site=place.site, seen_from=place.seen_from, joint=place.joint,
+            tendon=place.tendon, volume=volume, parts=parts, noise=numbers["noise"], cutoff=numbers["cutoff"],
         )
 
     def _cameras(self) -> Iterator[SourceSensor]:

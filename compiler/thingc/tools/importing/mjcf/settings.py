@@ -7,6 +7,7 @@ from typing import Any
 
 from thingc.base.numeric import hypot
 from thingc.base.pose import Pose, Quaternion
+from thingc.tools.grouping import group_by
 from thingc.tools.importing.mjcf.adding import Added
 from thingc.tools.importing.mjcf.compiled_source import CompiledSource, floats, numbers, pose_of
 from thingc.tools.importing.source_model import SourceBase, SourceJoint, SourcePose
@@ -92,9 +93,7 @@ def touching(
     written = {_pair(first, second) for first, second in excluded}
     apart = {_pair(heads[first], heads[second]): (first, second) for first, second in excluded if heads[first] != heads[second]}
     filtered = not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
-    members: dict[int, list[int]] = {}
-    for body, head in heads.items():
-        members.setdefault(head, []).append(body)
+    members = group_by(heads, heads.__getitem__)
     masks = {body: _masks(original, body) for body in heads}
 
     def meet(head: int, other: int) -> bool:

@@ -85,8 +85,7 @@ class Geoms:
         uri = self.original.flat.meshes.get(mesh.file, "")
         (x, y, z), scale = floats(mesh.scale), floats(mesh.scale)
         p, turn = floats(mesh.refpos), transpose(pose_of(mesh.refpos, mesh.refquat).rotation)
-        alike = x == y == z
-        if os.path.splitext(uri)[1].lower() not in READ or turn != IDENTITY and not alike:
+        if os.path.splitext(uri)[1].lower() not in READ or turn != IDENTITY and not (x == y == z):
             return (1.0, 1.0, 1.0), centred, self._anew(int(self.model.geom_dataid[geom]), mesh.name or "mesh", geom)
         u, v, w = rotate(turn, (p[0], p[1], p[2]))
         at = Pose(rotation=turn, translation=(-scale[0] * u, -scale[1] * v, -scale[2] * w))
@@ -113,8 +112,8 @@ class Geoms:
         """Return the friction coefficients of a geom that affect contacts, or an empty tuple for MuJoCo's defaults."""
         slide, torsion, roll = floats(self.model.geom_friction[geom])
         dimensions = int(self.model.geom_condim[geom])
-        said = (slide, torsion, roll) if dimensions == 6 else (slide, torsion) if dimensions == 4 else (slide,)
-        return () if said == (FRICTION[0],) or dimensions == 1 else said
+        effective = (slide, torsion, roll) if dimensions == 6 else (slide, torsion) if dimensions == 4 else (slide,)
+        return () if effective == (FRICTION[0],) or dimensions == 1 else effective
 
     def _raw(self, geom: int, friction: tuple[float, ...]) -> Raw:
         """Return the attributes of a geom, other than friction, that affect contacts.
