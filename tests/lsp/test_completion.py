@@ -88,7 +88,7 @@ def test_first_completion_items(sound: dict[str, Analysis], name: str) -> None:
     found, marked, first = CASES[name]
     base = ROBOT if found in ROBOT else FINGER
     text, offset = at(base, found, marked)
-    offered = [one.shown for one in items(sound[base], text, offset)]
+    offered = [one.label for one in items(sound[base], text, offset)]
     assert offered[: len(first)] == first
     if not first:
         assert offered == []
@@ -111,7 +111,7 @@ TEXTS: dict[str, tuple[str, str, str, str]] = {
 def test_text_after_accepting_an_item(sound: dict[str, Analysis], name: str) -> None:
     found, marked, shown, after = TEXTS[name]
     text, offset = at(ROBOT, found, marked)
-    item = next(one for one in items(sound[ROBOT], text, offset) if one.shown == shown)
+    item = next(one for one in items(sound[ROBOT], text, offset) if one.label == shown)
     assert after in accepted(text, item)
     assert "\n" not in text[item.start : item.end] and item.start <= offset <= item.end
 
@@ -141,7 +141,7 @@ limit = {lower = "0 mm", upper = "=reach"}
 def test_units_of_a_limit_depend_on_the_joint_type(toml: tuple[Documents, Path], kind: str, offered: set[str]) -> None:
     documents, path = toml
     text, offset = at(TOML_ROBOT.replace("prismatic", kind), 'lower = "0 mm"', 'lower = "5 │')
-    units = {one.shown for one in items(documents.analysis(path, text), text, offset)}
+    units = {one.label for one in items(documents.analysis(path, text), text, offset)}
     assert units & {"m", "mm", "rad", "deg", "kg", "N"} == offered
 
 
@@ -157,7 +157,7 @@ def test_units_of_a_limit_depend_on_the_joint_type(toml: tuple[Documents, Path],
 def test_completion_in_toml(toml: tuple[Documents, Path], found: str, marked: str, shown: str, after: str) -> None:
     documents, path = toml
     text, offset = at(TOML_ROBOT, found, marked)
-    item = next(one for one in items(documents.analysis(path, text), text, offset) if one.shown == shown)
+    item = next(one for one in items(documents.analysis(path, text), text, offset) if one.label == shown)
     assert after in accepted(text, item)
 
 
@@ -172,7 +172,7 @@ def toml(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> tuple[D
 
 def test_document_that_never_parsed_offers_top_level_keys(robot: Path, shared_store: str) -> None:
     text = "thingc: assembly/1\nname: ]\n"
-    offered = [one.shown for one in items(analysed(shared_store, robot, text), text, len(text))]
+    offered = [one.label for one in items(analysed(shared_store, robot, text), text, len(text))]
     assert offered[:1] == ["components"] and "joints" in offered and "name" not in offered
 
 
@@ -181,7 +181,7 @@ def test_reported_codes_are_offered_first(robot: Path, shared_store: str) -> Non
     analysis = analysed(shared_store, robot, long)
     assert {one.code.code for one in analysis.findings} == {"TC515"}
     text, offset = at(long, "joints:\n  lift: {", "joints:\n  lift: {allow: {│}, ")
-    offered = [one.shown for one in items(analysis, text, offset)]
+    offered = [one.label for one in items(analysis, text, offset)]
     assert offered[:2] == ["TC515", "TC306"]
 
 
@@ -190,9 +190,9 @@ def test_completion_in_variants(robot: Path, shared_store: str) -> None:
     text = "thingc: variants/1\nname: sizes\nassembly: robot.yaml\nparameters:\n  count: [1, 2]\n"
     analysis = analysed(shared_store, path, text)
     cut, offset = at(text, "assembly: robot.yaml", "assembly: │")
-    assert [one.shown for one in items(analysis, cut, offset)] == ["finger.yaml", "palm.yaml", "robot.yaml"]
+    assert [one.label for one in items(analysis, cut, offset)] == ["finger.yaml", "palm.yaml", "robot.yaml"]
     cut, offset = at(text, "  count: [1, 2]", "  count: [1, 2]\n  │")
-    assert [one.shown for one in items(analysis, cut, offset)] == ["reach"]
+    assert [one.label for one in items(analysis, cut, offset)] == ["reach"]
 
 
 def test_edits_stay_on_the_line_of_the_cursor(sound: dict[str, Analysis]) -> None:
@@ -217,10 +217,10 @@ def test_details_show_mount_poses_and_parameter_values(robot: Path, shared_store
     documents = Documents(shared_store)
     text, offset = at(changed, "in: bone.seat", "in: bone.│")
     documents.analysis(path, changed)
-    seat = next(one for one in items(documents.analysis(path, text), text, offset) if one.shown == "seat")
+    seat = next(one for one in items(documents.analysis(path, text), text, offset) if one.label == "seat")
     assert seat.detail == "(0, 10, 0) mm, z along -y"
     text, offset = at(changed, "mass: =mass", "mass: │")
-    assert [(one.shown, one.detail) for one in items(documents.analysis(path, text), text, offset)] == [("=mass", "50 g")]
+    assert [(one.label, one.detail) for one in items(documents.analysis(path, text), text, offset)] == [("=mass", "50 g")]
 
 
 def test_workers_are_requested_for_unknown_parts(tmp_path: Path) -> None:
@@ -286,7 +286,7 @@ def test_removed_text_is_offered_and_accepted_items_are_valid(parts: str, name: 
     for keys, kind, start, end in places(text):
         cut = text[:start] + text[end:]
         offered = items(sound, cut, start)
-        named = [one for one in offered if not one.shown.startswith("=")]
+        named = [one for one in offered if not one.label.startswith("=")]
         if kind == "value":
             offers += [(keys, cut, one) for one in offered]
         chosen = "*" in text[start:end] or (kind == "key" and len(keys) == 2 and keys[0] in OWN)
@@ -295,7 +295,7 @@ def test_removed_text_is_offered_and_accepted_items_are_valid(parts: str, name: 
             shown = f"{keys}: {[one.text for one in offered[:8]]}"
             assert any(accepted(cut, one) == text for one in offered), shown
             dot = text.rfind(".", start, end) + 1
-            if kind == "value" and dot > start + 1 and text[start:end].count(".") == 1 and any("." in one.shown for one in named):
+            if kind == "value" and dot > start + 1 and text[start:end].count(".") == 1 and any("." in one.label for one in named):
                 cut = text[:dot] + text[end:]
                 assert any(accepted(cut, one) == text for one in items(sound, cut, dot)), f"behind the dot: {shown}"
     assert asked > 40
@@ -315,15 +315,15 @@ def test_part_items_show_parameters_and_description(parts: str) -> None:
     text = (ROOT / "assemblies" / "arm.yaml").read_text()
     analysis = analysed(parts, ROOT / "assemblies" / "arm.yaml", text)
     cut, offset = at(text, "part: arm:BasePlate", "part: │")
-    brace = next(one for one in items(analysis, cut, offset) if one.shown == "arm:RotorBrace")
+    brace = next(one for one in items(analysis, cut, offset) if one.label == "arm:RotorBrace")
     assert brace.detail == "length, thickness"
-    modules = [one.shown.partition(":")[0] for one in items(analysis, cut, offset)]
+    modules = [one.label.partition(":")[0] for one in items(analysis, cut, offset)]
     used = {"arm", "thingc_stock.dynamixel", "thingc_stock.fasteners"}
     first = [module for module in modules if module in used]
     assert modules[: len(first)] == first  # modules that the document has parts of already
     assert brace.description.startswith("One of the two sides of an arm link")
     cut, offset = at(text, "parent: yaw_servo.rotor", "parent: yaw_servo.│")
-    rotor = next(one for one in items(analysis, cut, offset) if one.shown == "rotor")
+    rotor = next(one for one in items(analysis, cut, offset) if one.label == "rotor")
     assert rotor.detail == "(0, 0, 19) mm, z along +z"
     cut, offset = at(text, "attach: {seat: plate.servo_screw_$i}", "attach: {seat: plate.│}")
-    assert "servo_screw_$i" in [one.shown for one in items(analysis, cut, offset)]
+    assert "servo_screw_$i" in [one.label for one in items(analysis, cut, offset)]

@@ -87,7 +87,7 @@ def test_broken_text_keeps_hovers_on_unchanged_lines(robot: Path, shared_store: 
     documents.analysis(robot, CHANGED)
     broken = CHANGED.replace("reach / 2", "reach / 4").replace("count: =count, as: i}\n    assembly", "count: =count, as: i\n    assembly")
     analysis = documents.analysis(robot, broken)
-    assert not analysis.whole
+    assert not analysis.well_formed
     assert said(analysis, broken, "pose: o│ut").startswith("**out**: yaw_0 30 deg")
     labels = [one["label"] for one in hints(analysis, broken, TextPlace(line=1, column=1), {"range": WHOLE})]
     assert labels == ["= 50 g ... 100 g", "= 2"]  # not of the two lines that have changed

@@ -91,7 +91,7 @@ def test_errors_in_closed_documents_are_published_there(desk: Desk) -> None:
     assert sorted(desk.said(), key=str) == [("palm.yaml", None, ["TC204"]), ("robot.yaml", 1, [])]
     desk.put("palm.yaml", 1)
     assert desk.said() == [("palm.yaml", 1, []), ("robot.yaml", 1, [])]
-    desk.opened.take_away(str(desk.folder / "palm.yaml"))
+    desk.opened.close_text(str(desk.folder / "palm.yaml"))
     assert ("palm.yaml", None, ["TC204"]) in desk.said(), "it is wrong on the disk"
 
 
@@ -136,7 +136,7 @@ def test_broken_text_keeps_the_last_valid_analysis(desk: Desk) -> None:
     desk.put("robot.yaml", 1)
     desk.put("robot.yaml", 2, DOCUMENTS["robot.yaml"].replace("joints:", "joints: {"))
     now = desk.opened.analysis(path)
-    assert not now.whole and now.known is now, "it was never whole before"
+    assert not now.well_formed and now.known is now, "it was never whole before"
     desk.put("robot.yaml", 3)
     whole = desk.opened.analysis(path)
     for version in (4, 5):

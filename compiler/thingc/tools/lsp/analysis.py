@@ -24,7 +24,7 @@ from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.types import AssemblyDefinition
 from thingc.model.robot.types import Robot
 from thingc.tools.lsp.cached_parts import AvailableNames
-from thingc.tools.lsp.positions import TextLines, steady
+from thingc.tools.lsp.positions import TextLines, map_spans
 from thingc.tools.schemas.document_facts import DocumentFacts, facts_of
 
 T = TypeVar("T")
@@ -51,9 +51,9 @@ class Analysis(FrozenStruct, eq=False):
         model: The result of the compiler pass `resolve`, or None if the input of the pass is invalid. `records` (keyed by definition text),
             `assembly` and `robots` are results of later passes.
         findings: The diagnostics of the document, in the order of `thingc check`.
-        whole: Whether the text is well-formed. After a syntax error, names may be missing from the results.
-        last: The last analysis in which the text was well-formed, if `whole` is false.
-        in_reach: The names of parts and documents in the workspace.
+        well_formed: Whether the text is well-formed. After a syntax error, names may be missing from the results.
+        last: The last analysis in which the text was well-formed, if `well_formed` is false.
+        available_names: The names of parts and documents in the workspace.
     """
 
     path: str
@@ -66,11 +66,11 @@ class Analysis(FrozenStruct, eq=False):
     assembly: Assembly | None = None
     robots: tuple[Robot, ...] = ()
     findings: tuple[Diagnostic, ...] = ()
-    whole: bool = True
+    well_formed: bool = True
     last: Analysis | None = None
-    looked_at: frozenset[str] = frozenset()
-    in_reach: AvailableNames | None = None
-    _kept: dict[str, Any] = {}
+    dependencies: frozenset[str] = frozenset()
+    available_names: AvailableNames | None = None
+    _cache: dict[str, Any] = {}
     """The cached results of this analysis. A copy of the analysis with other texts must have an empty cache."""
 
     @property
@@ -79,7 +79,7 @@ class Analysis(FrozenStruct, eq=False):
 
         Spans in the last analysis refer to the text of that analysis, not to the current text.
         """
-        return self if self.whole or self.last is None else self.last
+        return self if self.well_formed or self.last is None else self.last
 
     @property
     def text(self) -> str:
@@ -117,29 +117,29 @@ class Analysis(FrozenStruct, eq=False):
     def lines(self, file: str | None = None) -> TextLines:
         """Return the lines of a file. The default is the analysed document."""
         path = self.path if file is None else file
-        return self.once(f"lines {path}", lambda: TextLines(self.text_of(path)))
+        return self.cached(f"lines {path}", lambda: TextLines(self.text_of(path)))
 
-    def now(self, span: Span) -> Span | None:
+    def current_span(self, span: Span) -> Span | None:
         """Convert a span in the last well-formed text to a span in the current text. Return None if the lines of the span have changed."""
-        return span if self.known is self else steady(self.known.text, self.text)(span)
+        return span if self.known is self else map_spans(self.known.text, self.text)(span)
 
     def uri(self, path: str) -> str:
         """Return the URI of a file. If the file is open, return the URI that the editor uses for it."""
         return self.open[path].uri if path in self.open else Path(path).as_uri()
 
-    def once(self, name: str, make: Callable[[], T]) -> T:
+    def cached(self, name: str, make: Callable[[], T]) -> T:
         """Call the function `make` and return the result. Later calls with the same `name` return the cached result."""
-        if name not in self._kept:
-            self._kept[name] = make()
-        kept: T = self._kept[name]
-        return kept
+        if name not in self._cache:
+            self._cache[name] = make()
+        result: T = self._cache[name]
+        return result
 
     @property
     def facts(self) -> DocumentFacts:
         """The names in the document that editors suggest, including names in lines with errors."""
         if (tree := self.tree) is None:
             return DocumentFacts()
-        return self.once("facts", lambda: facts_of(tree, self.model, self.records, self.schemas, {}))
+        return self.cached("facts", lambda: facts_of(tree, self.model, self.records, self.schemas, {}))
 
 
 def is_document_path(path: str) -> bool:
@@ -148,50 +148,50 @@ def is_document_path(path: str) -> bool:
 
 
 def analyse(
-    path: str, opened: Mapping[str, OpenText], options: Options, lend: PartsProvider | None = None, memo: Memo | None = None,
+    path: str, opened: Mapping[str, OpenText], options: Options, provider: PartsProvider | None = None, memo: Memo | None = None,
     last: Analysis | None = None,
 ) -> Analysis:
     """Check the document at an absolute path. The texts `opened` replace files on disk.
 
-    `options` specify the store and whether part code may run. The function `lend` returns the source of parts. The default is the source
-    that `thingc check` uses. The module `cached_parts` describes pending parts. `memo` caches results of the previous analysis, `last`.
+    `options` specify the store and whether part code may run. The function `provider` returns the source of parts, by default as in
+    `thingc check`. The module `cached_parts` describes pending parts. `memo` caches results of the previous analysis, `last`.
     """
     if not is_document_path(path):
         return Analysis(path=path, open=opened)
     texts = {one: text.text.encode(errors="surrogatepass") for one, text in opened.items() if is_document_path(one)}
     options = replace(options, texts=texts)
-    with Environment(path, options, lend, memo) as environment:
+    with Environment(path, options, provider, memo) as environment:
         if os.path.basename(path) == OWN_FILE:
-            return _of_workspace(environment, opened, last)
+            return _analyse_settings(environment, opened, last)
         compilation = pipeline.check(environment)
-        looked_at = up_to_date.dependencies_of(environment, compilation)
+        dependencies = up_to_date.dependencies_of(environment, compilation)
     report, documents = compilation.report, compilation.documents
     if documents is not None and documents.root.kind == "variants":
         report = Report()
-        read_plan(path, options, report, lend)
+        read_plan(path, options, report, provider)
     analysis = Analysis(
         path=path, open=opened, workspace=environment.workspace, documents=documents, schemas=compilation.schemas,
         model=compilation.model, records=compilation.records, assembly=compilation.assembly, robots=compilation.robots,
         findings=tuple(one for one in report.sorted_diagnostics() if one.code is not Code.NOT_LOCKED or not options.code),
-        looked_at=frozenset(looked_at),
+        dependencies=frozenset(dependencies),
     )
-    return _remembering(analysis, last)
+    return _with_last(analysis, last)
 
 
-def _of_workspace(environment: Environment, opened: Mapping[str, OpenText], last: Analysis | None) -> Analysis:
+def _analyse_settings(environment: Environment, opened: Mapping[str, OpenText], last: Analysis | None) -> Analysis:
     """Check the settings file `thingc.toml`, and return the analysis."""
     path, workspace = environment.document, environment.workspace
     general = workspace if workspace is not None else last.workspace if last is not None else None
     documents = load(path, general, Report(), kinds=("workspace",), texts=environment.options.texts) if general is not None else None
-    return _remembering(Analysis(
+    return _with_last(Analysis(
         path=path, open=opened, workspace=workspace, documents=documents, findings=tuple(environment.report.sorted_diagnostics()),
-        looked_at=frozenset([path]),
+        dependencies=frozenset([path]),
     ), last)
 
 
-def _remembering(analysis: Analysis, last: Analysis | None) -> Analysis:
+def _with_last(analysis: Analysis, last: Analysis | None) -> Analysis:
     """If the text of an analysis is not well-formed, add the last analysis of well-formed text to the attribute `last`."""
-    whole = analysis.documents is not None and not any(
+    well_formed = analysis.documents is not None and not any(
         one.code is Code.SYNTAX and one.span is not None and one.span.file == analysis.path for one in analysis.findings
     )
-    return analysis if whole else replace(analysis, whole=False, last=last.known if last is not None else None)
+    return analysis if well_formed else replace(analysis, well_formed=False, last=last.known if last is not None else None)

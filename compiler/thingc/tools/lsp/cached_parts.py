@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _T = TypeVar("_T")
 
-WAITED_FOR: FailureKind = "unlocked"
+PENDING: FailureKind = "unlocked"
 """The kind of failure of a part whose result is still missing. If part code may run, no other failure has this kind."""
 
 
@@ -68,8 +68,8 @@ class PendingRequests:
 class CachedParts:
     """Provides part schemas and part records that are already cached. This source of parts does not wait for workers.
 
-    For a part without a cached result, the source returns a failure of kind `WAITED_FOR`, and the compiler omits diagnostics that depend on
-    the part. `failed` and `undescribed` are failures that the store does not cache, such as crashes and timeouts. `unanswered` contains the
+    For a part without a cached result, the source returns a failure of kind `PENDING`, and the compiler omits diagnostics that depend on
+    the part. `failed` and `undescribed` are failures that the store does not cache, such as crashes and timeouts. `pending` contains the
     requests for missing results.
     """
 
@@ -80,7 +80,7 @@ class CachedParts:
         self.broken: list[BadLock] = service.broken
         self.failed: dict[str, PartFailure] = {}
         self.undescribed: dict[str, PartFailure] = {}
-        self.unanswered = PendingRequests()
+        self.pending = PendingRequests()
 
     @property
     def decisions(self) -> Mapping[str, BuildReason]:
@@ -102,7 +102,7 @@ class CachedParts:
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
         """Return the schema of each part class, keyed by its reference `module:Class`."""
         answers = _answers(self.service.describe(references), self.undescribed)
-        self.unanswered.references.update((one, None) for one in references if _waited_for(answers.get(one)))
+        self.pending.references.update((one, None) for one in references if _is_pending(answers.get(one)))
         return answers
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
@@ -114,8 +114,8 @@ class CachedParts:
     ) -> dict[str, PartRecord | PartFailure]:
         """Return the part record for each part definition, keyed by the text of the definition."""
         answers = _answers(self.service.realize(definitions, convex), self.failed)
-        waited_for = [one for one in definitions if _waited_for(answers.get(one.text))]
-        self.unanswered.definitions.update((one.text, (one, convex.get(one.text, ()))) for one in waited_for)
+        waited_for = [one for one in definitions if _is_pending(answers.get(one.text))]
+        self.pending.definitions.update((one.text, (one, convex.get(one.text, ()))) for one in waited_for)
         return answers
 
     def decompose(self, meshes: Collection[tuple[str, int]]) -> Mapping[tuple[str, int], tuple[Mesh, ...] | PartFailure]:
@@ -131,33 +131,33 @@ class CachedParts:
         answers = _answers(self.service.slice(definitions, records, wanted), self.failed)
         for one in definitions:
             record = records.get(one.text)
-            if isinstance(record, PartRecord) and _waited_for(answers.get(one.text)):
-                self.unanswered.slices[one.text] = (one, record, wanted[one.text])
+            if isinstance(record, PartRecord) and _is_pending(answers.get(one.text)):
+                self.pending.slices[one.text] = (one, record, wanted[one.text])
         return answers
 
 
 def _answers(answers: Mapping[str, _T | PartFailure], failed: Mapping[str, PartFailure]) -> dict[str, _T | PartFailure]:
     return {
-        name: failed.get(name, replace(answer, kind=WAITED_FOR)) if isinstance(answer, PartFailure) and answer.kind == ABSENT else answer
+        name: failed.get(name, replace(answer, kind=PENDING)) if isinstance(answer, PartFailure) and answer.kind == ABSENT else answer
         for name, answer in answers.items()
     }
 
 
-def _waited_for(answer: object) -> bool:
-    return isinstance(answer, PartFailure) and answer.kind == WAITED_FOR
+def _is_pending(answer: object) -> bool:
+    return isinstance(answer, PartFailure) and answer.kind == PENDING
 
 
 class AvailableNames:
     """The names of parts and of other documents that the documents of one workspace can use.
 
-    `at_hand` is the source of parts, or None if part code must not run. Without a source of parts, only parts that a document uses are
+    `cached_parts` is the source of parts, or None if part code must not run. Without a source of parts, only parts that a document uses are
     known. The function `wake` is called when there are new requests for workers. The methods for parts have the form that `AvailableParts`
     specifies. Workers compute missing schemas, but no records.
     """
 
-    def __init__(self, workspace: Workspace, at_hand: CachedParts | None, wake: Callable[[], None]) -> None:
+    def __init__(self, workspace: Workspace, cached_parts: CachedParts | None, wake: Callable[[], None]) -> None:
         self.workspace = workspace
-        self.at_hand = at_hand
+        self.cached_parts = cached_parts
         self._wake = wake
         self._schemas = Schemas(workspace, self)
 
@@ -169,25 +169,25 @@ class AvailableNames:
         tree = analysis.tree
         if tree is None:
             return self._schemas.general(scalars.get(("thingc",), "").partition("/")[0] or "assembly")
-        return analysis.once(
+        return analysis.cached(
             "schema", lambda: self._schemas.schema_of(analysis.path, tree, analysis.model, analysis.records, analysis.schemas),
         )
 
     def catalogue(self) -> list[str]:
         """Return the references of all part classes that documents can use."""
-        return [] if self.at_hand is None else self.at_hand.service.catalogue()
+        return [] if self.cached_parts is None else self.cached_parts.service.catalogue()
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
         """Return the cached schemas of parts. Parts without a cached schema are omitted."""
-        answers = {} if self.at_hand is None else self.at_hand.describe(references)
-        known = {name: one for name, one in answers.items() if not _waited_for(one)}
+        answers = {} if self.cached_parts is None else self.cached_parts.describe(references)
+        known = {name: one for name, one in answers.items() if not _is_pending(one)}
         if len(known) < len(answers):
             self._wake()
         return known
 
     def realize(self, definitions: Sequence[PartDefinition]) -> Mapping[str, PartRecord | PartFailure]:
         """Return the cached records of part definitions."""
-        return {} if self.at_hand is None else self.at_hand.service.realize(definitions)
+        return {} if self.cached_parts is None else self.cached_parts.service.realize(definitions)
 
 
 QUIET = 0.3
@@ -210,23 +210,23 @@ class BackgroundWorkers:
         self._store, self._options, self._answered = store, options, answered
         self._workers = Workers(options.jobs or 1)
         self._changed = threading.Condition()
-        self._wanted = PendingRequests()
-        self._at_work: PendingRequests | None = None
-        self._asked = PendingRequests()
+        self._requested = PendingRequests()
+        self._running: PendingRequests | None = None
+        self._sent = PendingRequests()
         self._ended = False
         self._thread: threading.Thread | None = None
 
-    def want(self, wanted: PendingRequests) -> None:
+    def request(self, wanted: PendingRequests) -> None:
         """Replace the pending requests by new requests, unless all new requests were already sent to workers."""
         with self._changed:
-            if self._ended or wanted == self._wanted or wanted.within(self._asked):
+            if self._ended or wanted == self._requested or wanted.within(self._sent):
                 return
-            self._wanted = wanted
+            self._requested = wanted
             self._changed.notify_all()
             if self._thread is None and wanted:
                 self._thread = threading.Thread(target=self._run, name="workers", daemon=True)
                 self._thread.start()
-            self._give_up_soon()
+            self._end_obsolete_soon()
 
     def renew(self) -> None:
         """Discard the record of the requests that were sent to workers, so that the same requests can be sent again.
@@ -234,8 +234,8 @@ class BackgroundWorkers:
         Call this method when a Python file that defines parts has been saved.
         """
         with self._changed:
-            self._asked, self._wanted = PendingRequests(), PendingRequests()
-            self._give_up_soon()
+            self._sent, self._requested = PendingRequests(), PendingRequests()
+            self._end_obsolete_soon()
 
     def end(self) -> None:
         """Stop the thread and end the worker processes."""
@@ -244,44 +244,44 @@ class BackgroundWorkers:
             self._changed.notify_all()
         self._workers.end()
 
-    def _give_up_soon(self) -> None:
-        if self._at_work is not None and not self._at_work.within(self._wanted):
-            timer = threading.Timer(IMPATIENT, self._give_up, [self._at_work])
+    def _end_obsolete_soon(self) -> None:
+        if self._running is not None and not self._running.within(self._requested):
+            timer = threading.Timer(IMPATIENT, self._end_obsolete, [self._running])
             timer.daemon = True
             timer.start()
 
-    def _give_up(self, work: PendingRequests) -> None:
+    def _end_obsolete(self, work: PendingRequests) -> None:
         """End the worker processes if they are still processing the obsolete requests `work`."""
         with self._changed:
-            if self._at_work is not work or self._wanted is work or self._ended:
+            if self._running is not work or self._requested is work or self._ended:
                 return
-            ended, self._workers, self._at_work = self._workers, Workers(self._options.jobs or 1), None
+            ended, self._workers, self._running = self._workers, Workers(self._options.jobs or 1), None
         ended.end()
 
     def _run(self) -> None:
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._wanted or self._ended)
+                self._changed.wait_for(lambda: self._requested or self._ended)
                 quiet = time.monotonic() + QUIET
-                while not self._ended and self._wanted.definitions and self._changed.wait(max(0.0, quiet - time.monotonic())):
+                while not self._ended and self._requested.definitions and self._changed.wait(max(0.0, quiet - time.monotonic())):
                     quiet = time.monotonic() + QUIET
                 if self._ended:
                     return
-                work = self._at_work = self._wanted
+                work = self._running = self._requested
                 workers = self._workers
-            undescribed, failed = self._found_out(work, workers)
+            undescribed, failed = self._compute_results(work, workers)
             with self._changed:
-                if self._at_work is not work:  # `_give_up` has ended the workers
+                if self._running is not work:  # `_end_obsolete` has ended the workers
                     continue
-                self._at_work = None
-                if self._wanted is not work:  # the requests were replaced, or a file of parts was saved
+                self._running = None
+                if self._requested is not work:  # the requests were replaced, or a file of parts was saved
                     undescribed, failed = {}, {}
                 else:
-                    self._wanted = PendingRequests()
-                    self._asked.add(work)
+                    self._requested = PendingRequests()
+                    self._sent.add(work)
             self._answered(self.workspace, undescribed, failed)
 
-    def _found_out(self, work: PendingRequests, workers: Workers) -> tuple[dict[str, PartFailure], dict[str, PartFailure]]:
+    def _compute_results(self, work: PendingRequests, workers: Workers) -> tuple[dict[str, PartFailure], dict[str, PartFailure]]:
         """Compute the results of all requests in workers, and cache the results.
 
         Return the failures, keyed by part reference and by definition text.

@@ -21,7 +21,7 @@ from thingc.tools.lsp.analysis import Analysis
 from thingc.tools.lsp.cursor import Cursor, cursor_at
 from thingc.tools.lsp.positions import TextPlace
 from thingc.tools.lsp.schema_walk import KeyOffer, SchemaWalk
-from thingc.tools.lsp.shown_values import bounds_of, evaluate_expression, frame_words, parameters_of
+from thingc.tools.lsp.shown_values import bounds_of, evaluate_expression, mount_frame_text, parameters_of
 
 MAX_ITEMS = 500
 
@@ -54,10 +54,10 @@ _USUAL = ("params", "parameters", "attach", "at", "limit", "drive", "components"
 class CompletionItem(FrozenStruct):
     """An item of a completion list. The item replaces the characters from offset `start` up to, but not including, `end` by `text`.
 
-    `shown` is the label of the item. Items are sorted by ascending `rank`.
+    Items are sorted by ascending `rank`.
     """
 
-    shown: str
+    label: str
     text: str
     start: int
     end: int
@@ -70,31 +70,31 @@ class CompletionItem(FrozenStruct):
 def completion(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, Any]) -> dict[str, Any]:
     """Return the completion list for a position in a document, in the format of LSP."""
     lines = analysis.lines()
-    offered = items(analysis, text, lines.index(place))
+    found_items = items(analysis, text, lines.index(place))
     answer = [
         {
-            "label": one.shown, "kind": one.kind, "sortText": f"{number:04d}", "filterText": one.shown, "insertTextMode": 1,
+            "label": one.label, "kind": one.kind, "sortText": f"{number:04d}", "filterText": one.label, "insertTextMode": 1,
             "textEdit": {"range": lines.range_of(one.start, one.end), "newText": one.text},
             **({"detail": one.detail} if one.detail else {}),
             **({"documentation": {"kind": "markdown", "value": one.description}} if one.description else {}),
         }
-        for number, one in enumerate(offered[:MAX_ITEMS])
+        for number, one in enumerate(found_items[:MAX_ITEMS])
     ]
-    return {"isIncomplete": len(offered) > MAX_ITEMS, "items": answer}
+    return {"isIncomplete": len(found_items) > MAX_ITEMS, "items": answer}
 
 
 def items(analysis: Analysis, text: str, offset: int) -> list[CompletionItem]:
     """Return the completion items for the cursor at the given offset of the text, the most likely item first."""
     cursor = cursor_at(text, offset, toml=analysis.path.lower().endswith(".toml"))
     known = analysis.known
-    schema = None if cursor is None or known.in_reach is None else known.in_reach.schema_of(known, cursor.scalars)
+    schema = None if cursor is None or known.available_names is None else known.available_names.schema_of(known, cursor.scalars)
     if cursor is None or schema is None:
         return []
     request = _CompletionRequest(analysis, text, offset, cursor, SchemaWalk(schema, cursor.keys, cursor.scalars))
-    offered = list(request.keys()) if cursor.role == "key" else []
+    found_items = list(request.keys()) if cursor.role == "key" else []
     if cursor.role == "value" or cursor.either:
-        offered += request.values()
-    return sorted(offered, key=lambda one: one.rank)
+        found_items += request.values()
+    return sorted(found_items, key=lambda one: one.rank)
 
 
 class _CompletionRequest:
@@ -155,34 +155,34 @@ class _CompletionRequest:
             start, end = self.cursor.start + measured.end("space"), max(self.offset, self.cursor.end)
             yield from _units(start, end, self._dimensions(), close=measured["space"] == "")
             return
-        if "." in typed and (inner := list(self._behind_dot())):
+        if "." in typed and (inner := list(self._after_dot())):
             yield from inner
             return
         for number, (value, description) in enumerate(self.walk.value_offers(self.cursor.path).items()):
             if isinstance(value, bool):
                 yield self._item(word := str(value).lower(), word, _VALUE, rank=number)
-            elif not self._own(value):
+            elif not self._refers_to_edited(value):
                 deep = 500 * max(0, value.count(".") - 1) if "/" not in value and ":" not in value else 0
                 rank = number + deep + (2000 if self._is_used(value) else 1000 if value.endswith(".origin") else 0)
                 yield self._word(value, rank=rank, description=description)
-        yield from self._indexed_items()
+        yield from self._repeat_references()
         dimensions = self._dimensions()
         if dimensions and not (self.cursor.toml and not self.cursor.quote and typed):
             low, high = bounds_of(self.analysis, self.cursor)
             for name, quantity in self._parameters():
                 if any(fits(quantity.dimension, one) for one in dimensions) and low <= quantity.value <= high:
-                    yield self._item(f"={name}", self._quote(f"={name}"), _VARIABLE, rank=100, detail=quantity.format(6))
+                    yield self._item(f"={name}", self._quoted(f"={name}"), _VARIABLE, rank=100, detail=quantity.format(6))
 
     def _word(self, word: str, *, rank: int, description: str) -> CompletionItem:
         """Create a completion item for a word that the JSON Schema suggests, such as a name, a part or a document."""
-        kind, detail, text = _VALUE, "", self._quote(word)
+        kind, detail, text = _VALUE, "", self._quoted(word)
         if self.cursor.path[-1:] == ("part",):
             kind, detail = _CLASS, ", ".join(self.walk.parameters_of(word))
             module = f"{word.partition(':')[0]}:"
             if any(path[-1:] == ("part",) and one.startswith(module) for path, one in self.cursor.scalars.items()):
                 rank -= 1000  # the document already uses parts of this module
             text += self._params(word)
-        elif "." in word and (frame := frame_words(self.analysis, word)):
+        elif "." in word and (frame := mount_frame_text(self.analysis, word)):
             kind, detail = _REFERENCE, frame
         elif "/" in word or word.endswith((".yaml", ".toml", ".yml")):
             kind = _FILE
@@ -206,24 +206,24 @@ class _CompletionRequest:
         line = self.text[self.text.rfind("\n", 0, self.cursor.start) + 1 : self.cursor.start]
         return f"\n{' ' * (len(line) - len(line.lstrip()))}params: {{{pairs}}}"
 
-    def _behind_dot(self) -> Iterator[CompletionItem]:
+    def _after_dot(self) -> Iterator[CompletionItem]:
         """Yield completion items for a reference that ends with a dot: the mounts of the component, and components nested inside."""
         head = self.cursor.typed[: self.cursor.typed.rindex(".") + 1]
         start = self.cursor.start + len(head)
-        offers = self.walk.value_offers(self.cursor.path).items()
-        mounts = {value: text for value, text in offers if isinstance(value, str) and value.startswith(head) and not self._own(value)}
+        offers = {value: text for value, text in self.walk.value_offers(self.cursor.path).items() if isinstance(value, str)}
+        mounts = {value: text for value, text in offers.items() if value.startswith(head) and not self._refers_to_edited(value)}
         if not mounts and self.walk.takes_mounts(self.cursor.path):  # the last parsable text does not contain the component
             mounts = dict(self.walk.mounts_of(head.rstrip(".")))
         for number, (word, description) in enumerate(mounts.items()):
             rest = word[len(head) :]
             rank = number + (2000 if self._is_used(word) else 0) + (1000 if "." in rest else 0) + (500 if rest == "origin" else 0)
-            item = self._item(rest, rest, _REFERENCE, rank=rank, detail=frame_words(self.analysis, word), description=description)
+            item = self._item(rest, rest, _REFERENCE, rank=rank, detail=mount_frame_text(self.analysis, word), description=description)
             yield replace(item, start=start)
-        for one in self._indexed_items():
-            if one.shown.startswith(head):
-                yield replace(one, shown=one.shown[len(head) :], text=one.text[len(head) :], start=start)
+        for one in self._repeat_references():
+            if one.label.startswith(head):
+                yield replace(one, label=one.label[len(head) :], text=one.text[len(head) :], start=start)
 
-    def _indexed_items(self) -> Iterator[CompletionItem]:
+    def _repeat_references(self) -> Iterator[CompletionItem]:
         """Yield references that contain the index variable of a `repeat`, such as `plate.screw_$i` for the mounts `plate.screw_0` to `_3`.
         """
         path = self.cursor.path
@@ -234,7 +234,7 @@ class _CompletionRequest:
         for value in self.walk.value_offers(path):
             match = re.fullmatch(r"(.*_)\d+(\.\w+)?", value) if isinstance(value, str) else None
             name = "" if match is None else f"{match[1]}${index}{match[2] or ''}"
-            if match is not None and not self._own(name):
+            if match is not None and not self._refers_to_edited(name):
                 numbered[name] = numbered.get(name, 0) + 1
         wanted = evaluate_expression(
             self.analysis, (*path[:2], "repeat", "count"), self.cursor.scalars.get((*path[:2], "repeat", "count"), ""),
@@ -243,10 +243,10 @@ class _CompletionRequest:
         for name, count in numbered.items():
             if count >= max(2, least):
                 yield self._item(
-                    name, self._quote(name), _REFERENCE, rank=1000 if name.endswith(".origin") else -1, detail=f"{count} of them",
+                    name, self._quoted(name), _REFERENCE, rank=1000 if name.endswith(".origin") else -1, detail=f"{count} of them",
                 )
 
-    def _own(self, word: str) -> bool:
+    def _refers_to_edited(self, word: str) -> bool:
         """Return whether a suggested word refers to the element that the user is editing, such as a mount of the edited component."""
         path = self.cursor.path
         if path[:1] == ("components",) and len(path) > 2 and path[2] in ("attach", "at"):
@@ -299,17 +299,17 @@ class _CompletionRequest:
         for name, value in self._parameters():
             fitting = (not expected or any(fits(value.dimension, one) for one in expected)) and low <= value.value <= high
             yield offer(
-                shown=name, text=name, kind=_VARIABLE, rank=0 if fitting else 100, detail=value.format(6),
+                label=name, text=name, kind=_VARIABLE, rank=0 if fitting else 100, detail=value.format(6),
                 description=self.cursor.scalars.get(("parameters", name, "doc"), ""),
             )
         if "repeat" in self.cursor.keys.get(self.cursor.path[:2], ()):
             index = self.cursor.scalars.get((*self.cursor.path[:2], "repeat", "as"), "i")
-            yield offer(shown=index, text=index, kind=_VARIABLE, rank=10, detail="the index of this `repeat`")
+            yield offer(label=index, text=index, kind=_VARIABLE, rank=10, detail="the index of this `repeat`")
         for name, (smallest, largest) in FUNCTIONS.items():
             several = f"{smallest} to {largest} values" if largest > smallest else f"{smallest} value" + ("s" if smallest > 1 else "")
-            yield offer(shown=name, text=f"{name}(", kind=_FUNCTION, rank=200, detail=several)
+            yield offer(label=name, text=f"{name}(", kind=_FUNCTION, rank=200, detail=several)
         for name, quantity in CONSTANTS.items():
-            yield offer(shown=name, text=name, kind=_CONSTANT, rank=201, detail=quantity.format(6))
+            yield offer(label=name, text=name, kind=_CONSTANT, rank=201, detail=quantity.format(6))
 
     def _parameters(self) -> Iterator[tuple[str, Quantity]]:
         """Yield the parameters to which the expression at the cursor can refer, with their values."""
@@ -324,10 +324,10 @@ class _CompletionRequest:
         if self.cursor.role == "value" and not self.cursor.typed and not self.cursor.quote and self.text[start - 1 : start] == ":":
             text = f" {text}"
         return CompletionItem(
-            shown=label, text=text, start=start, end=self.cursor.end, kind=kind, rank=rank, detail=detail, description=description,
+            label=label, text=text, start=start, end=self.cursor.end, kind=kind, rank=rank, detail=detail, description=description,
         )
 
-    def _quote(self, word: str) -> str:
+    def _quoted(self, word: str) -> str:
         """Add quotes to a word if the language of the document requires quotes, as TOML always does.
 
         If the cursor is already inside quotes, only a missing closing quote is added.
@@ -348,5 +348,5 @@ def _units(start: int, end: int, dimensions: tuple[Dimension, ...], *, close: bo
     fitting.sort(key=lambda name: _FIRST.index(name) if name in _FIRST else len(_FIRST))
     for number, unit in enumerate(fitting):
         text = f" {unit}" if close else unit
-        yield CompletionItem(shown=unit, text=text, start=start, end=end, kind=_UNIT, rank=number, detail=_DIMENSIONS[unit].words)
+        yield CompletionItem(label=unit, text=text, start=start, end=end, kind=_UNIT, rank=number, detail=_DIMENSIONS[unit].words)
 

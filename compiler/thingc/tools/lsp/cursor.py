@@ -36,16 +36,16 @@ class TomlScan(Scan):
         """Scan the line that starts at an offset, as `Scan.line` specifies. Return the offset of the next line."""
         here = self.spaces(at)
         if here >= self.line_end(at) or self.text[here] == "#":
-            self.gap(at, here, "key", self.table)
-            return self.rest(here)
+            self.note_gap(at, here, "key", self.table)
+            return self.skip_line(here)
         if self.text[here] == "[":
             return self._header(here)
-        self.gap(at, here - 1, "key", self.table)
+        self.note_gap(at, here - 1, "key", self.table)
         tokens, after = self.key_tokens(here)
         after = self.spaces(after)
         separated = self.text.startswith("=", after)
         path = self.segments(tokens, self.table, after, separated)
-        return self._value(after + 1, path) if separated else self.rest(after)
+        return self._value(after + 1, path) if separated else self.skip_line(after)
 
     def _header(self, here: int) -> int:
         several = self.text.startswith("[[", here)
@@ -60,15 +60,15 @@ class TomlScan(Scan):
             if path in self.counts:
                 path = (*path, self.counts[path])
         self.table = path
-        return self.rest(after)
+        return self.skip_line(after)
 
     def _value(self, at: int, path: Path) -> int:
         here = self.spaces(at)
-        self.gap(at, here, "value", path)
+        self.note_gap(at, here, "value", path)
         if here >= self.line_end(at) or self.text[here] == "#":
-            return self.rest(here)
+            return self.skip_line(here)
         if self.text[here] in "{[":
-            after = self.brackets(here, path, 0)
+            after = self.scan_brackets(here, path, 0)
         elif self.text[here] in "\"'":
             after = self.scan_quoted(here, path, 0)
         else:
@@ -76,7 +76,7 @@ class TomlScan(Scan):
             written = self.text[here:after].rstrip(" \t")
             self.scalars[path] = written
             self.add_token(CursorPlace(role="value", path=path, start=here, end=here + len(written)), after)
-        return self.behind_value(after)
+        return self.after_value(after)
 
     # --- brackets and quotes ------------------------------------------------------------------------------------------
 
@@ -99,14 +99,14 @@ class TomlScan(Scan):
         """Return whether the line at the offset `line` contains a table header or a key. Such a line is not inside an open bracket."""
         return _LINE_OF_TABLE.match(self.text, line) is not None
 
-    def quotes(self, at: int, column: int) -> tuple[int, int, int]:
-        """Return the range of a quoted text, as `Scan.quotes` specifies. In TOML, only values in triple quotes can span several lines."""
+    def quoted_range(self, at: int, column: int) -> tuple[int, int, int]:
+        """Return the range of a quoted text, as `Scan.quoted_range`. In TOML, only values in triple quotes can span several lines."""
         quote = self.text[at]
         if self.text.startswith(quote * 3, at):
             close = self.text.find(quote * 3, at + 3)
             end = self.line_end(at) if close < 0 else close
             return at + 3, end, end if close < 0 else end + 3
-        return Scan.quotes(self, at, column)
+        return Scan.quoted_range(self, at, column)
 
 
 _KEY = re.compile(
@@ -160,7 +160,7 @@ class YamlScan(Scan):
         if here >= end or self.text[here] == "#":
             if at <= self.target <= here:
                 self._blank(self.target - at)
-            return self.rest(here)
+            return self.skip_line(here)
         if here == at and self.text.startswith(("---", "...", "%"), at):
             return self.after_break(end)
         column = here - at
@@ -197,9 +197,9 @@ class YamlScan(Scan):
             top.last = top.last + 1 if isinstance(top.last, int) else 0
             top.state = "open"
             before, here = here + 1, self.spaces(here + 1)
-            self.gap(before, here, "key", top.inner(), either=True)
+            self.note_gap(before, here, "key", top.inner(), either=True)
             if here >= end or self.text[here] == "#":
-                return self.rest(here)
+                return self.skip_line(here)
             column = here - line
         top = self.stack[-1]
         key = _KEY.match(self.text, here, end)
@@ -237,22 +237,22 @@ class YamlScan(Scan):
         comment = self.text.find("#", stop, end)
         place = CursorPlace(role="key", path=path, start=start, end=max(start, stop), either=either, quote=quote)
         self.add_token(place, end if comment < 0 else comment)
-        return self.rest(stop)
+        return self.skip_line(stop)
 
     def _value(self, at: int, end: int, path: Path, frame: _Frame) -> int:
         here = self.spaces(at)
         while here < end and self.text[here] in "&!":
             here = self.spaces(self.match_end(_PROPERTY, here))
-        self.gap(at, here, "value", path)
+        self.note_gap(at, here, "value", path)
         if here >= end or (self.text[here] == "#" and here > at):
             frame.state = "open"
-            return self.rest(here)
+            return self.skip_line(here)
         character = self.text[here]
         if character in "|>" and _TEXT_BLOCK.match(self.text, here, end):
             return self._text_block(end, frame)
         if character in "{[":
             frame.state = "done"
-            after = self.brackets(here, path, frame.column)
+            after = self.scan_brackets(here, path, frame.column)
         elif character in "\"'":
             frame.state = "done"
             after = self.scan_quoted(here, path, frame.column)
@@ -264,7 +264,7 @@ class YamlScan(Scan):
             after = here + len(written)
             comment = _COMMENTED.search(self.text, after, end)
             self.add_token(CursorPlace(role="value", path=path, start=here, end=after), end if comment is None else comment.start() + 1)
-        return self.behind_value(after)
+        return self.after_value(after)
 
     def _text_block(self, end: int, frame: _Frame) -> int:
         """Skip the lines of a block scalar after `|` or `>`: empty lines, and lines that are indented more than the key.
@@ -288,7 +288,7 @@ class YamlScan(Scan):
     def key_tokens(self, at: int) -> tuple[list[Token], int]:
         """Return the key at the offset `at` as a single token, and the offset where the key ends."""
         if self.text[at] in "\"'":
-            start, end, after = self.quotes(at, 0)
+            start, end, after = self.quoted_range(at, 0)
             return [Token(name=self.text[start:end], start=start, end=end, quote=self.text[at])], after
         end = self.match_end(_PLAIN_KEY_IN_FLOW, at)
         name = self.text[at:end].rstrip(" \t")

@@ -17,12 +17,12 @@ from thingc.tools.lsp.cursor import Cursor, cursor_at
 from thingc.tools.lsp.positions import TextPlace
 from thingc.tools.lsp.schema_walk import SchemaWalk, described_as, find_description
 from thingc.tools.lsp.shown_values import (
-    direction_words,
     evaluate_expression,
+    format_direction,
+    format_frame,
+    format_position,
     format_values,
-    frame_words,
-    in_words,
-    length_words,
+    mount_frame_text,
     parameters_of,
 )
 
@@ -35,19 +35,19 @@ def hover(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, 
     cursor = cursor_at(text, lines.index(place), toml=analysis.path.lower().endswith(".toml"))
     if cursor is None or cursor.start == cursor.end:
         return None
-    text_of_value = words_at(analysis, cursor, text[cursor.start : cursor.end])
+    text_of_value = hover_text(analysis, cursor, text[cursor.start : cursor.end])
     if not text_of_value:
         return None
     return {"contents": {"kind": "markdown", "value": text_of_value}, "range": lines.range_of(cursor.start, cursor.end)}
 
 
-def words_at(analysis: Analysis, cursor: Cursor, written: str) -> str:
+def hover_text(analysis: Analysis, cursor: Cursor, written: str) -> str:
     """Return the hover text for the key or value `written` at the cursor. Return an empty string if there is no text to show."""
     if cursor.role == "key" and written in _CODES:
         code = _CODES[written]
         return f"**{code.code}**: {code.title}\n\nFix: {code.cure}\n\nRun `thingc explain {code.code}` for details."
     known = analysis.known
-    schema = None if known.in_reach is None else known.in_reach.schema_of(known, cursor.scalars)
+    schema = None if known.available_names is None else known.available_names.schema_of(known, cursor.scalars)
     walk = None if schema is None else SchemaWalk(schema, cursor.keys, cursor.scalars)
     if cursor.role == "key":
         path = (*cursor.path, written)
@@ -142,7 +142,7 @@ def _describe_component(assembly: Assembly, name: str) -> Iterator[str]:
     if len(inside) == 1:
         base = assembly.occurrences[assembly.base].path
         if inside[0].index != assembly.base:
-            place = f"At {in_words(assembly.rest[inside[0].index])} of `{base}`, with every joint at 0"
+            place = f"At {format_frame(assembly.rest[inside[0].index])} of `{base}`, with every joint at 0"
         else:
             place = "The base"
         yield f"{place}; link `{assembly.links[assembly.link_of[inside[0].index]].name}`."
@@ -150,7 +150,7 @@ def _describe_component(assembly: Assembly, name: str) -> Iterator[str]:
 
 def _of_mount(analysis: Analysis, reference: str) -> str:
     text = analysis.facts.mounts.get(reference)
-    frame = frame_words(analysis, reference)
+    frame = mount_frame_text(analysis, reference)
     if text is None and not frame:
         return ""
     return f"**{reference}**: {text or 'a mount.'}" + (f"\n\nAt {frame}{'' if ' of `' in frame else ' of its component'}." if frame else "")
@@ -188,7 +188,7 @@ def _motion(edge: JointEdge) -> str:
     axis = edge.twist.angular if turns else edge.twist.linear
     speed = edge.limit.velocity
     limit = "" if speed is None else f"; up to {speed * 30.0 / math.pi:.4g} rpm" if turns else f"; up to {speed:.4g} m/s"
-    return f"{'Turns about' if turns else 'Slides along'} {direction_words(axis).removeprefix('+')} of the parent mount{limit}."
+    return f"{'Turns about' if turns else 'Slides along'} {format_direction(axis).removeprefix('+')} of the parent mount{limit}."
 
 
 def _of_pose(analysis: Analysis, name: str) -> str:
@@ -219,7 +219,7 @@ def _of_mode(analysis: Analysis, name: str) -> str:
     base = {"fixed": "fixed to the world", "free": "free", "held": "held at a pose in the world"}.get(mode.base, mode.base)
     lines = [f"**{name}**: `{mode.root.text}` is the root, {base}" + (f"; starts in pose `{mode.pose}`." if mode.pose else ".")]
     if mode.on_floor or any(mode.at.translation):
-        lines.append("The robot stands on the floor." if mode.on_floor else f"The root is at {length_words(mode.at.translation)}.")
+        lines.append("The robot stands on the floor." if mode.on_floor else f"The root is at {format_position(mode.at.translation)}.")
     if mode.holds:
         lines.append(f"The mode holds {', '.join(f'`{one.mount.text}`' for one in mode.holds)}.")
     return "\n\n".join(lines)

@@ -20,7 +20,7 @@ from thingc.documents.names.workspace_index import WorkspaceIndex, index_workspa
 from thingc.documents.spec.name_types import RefersTo
 from thingc.documents.workspace import Workspace
 from thingc.tools.lsp.analysis import Analysis
-from thingc.tools.lsp.positions import TextLines, TextPlace, steady
+from thingc.tools.lsp.positions import TextLines, TextPlace, map_spans
 
 _TEXT, _READ, _WRITE = 1, 2, 3
 _KINDS = {
@@ -38,21 +38,21 @@ MAX_SYMBOLS = 500
 class _Names:
     """The names that a document can use, and their spans in the current text of the document."""
 
-    def __init__(self, analysis: Analysis, sight: WorkspaceIndex) -> None:
+    def __init__(self, analysis: Analysis, workspace_index: WorkspaceIndex) -> None:
         self.analysis = analysis
-        self.sight = sight
+        self.workspace_index = workspace_index
 
     def at(self, place: TextPlace) -> NamePlace | None:
         """Return the name at a position of the text, or None if the position is not inside a name."""
         path = self.analysis.path
         cursor = Span(file=path, line=place.line, column=place.column, end_line=place.line, end_column=place.column)
-        then = steady(self.analysis.text, self.analysis.known.text)(cursor)
-        return None if then is None else self.sight.index.at(path, then.line, then.column)
+        then = map_spans(self.analysis.text, self.analysis.known.text)(cursor)
+        return None if then is None else self.workspace_index.index.at(path, then.line, then.column)
 
     def range(self, span: Span) -> Any:
         """Return the LSP range of a span. Return None if the line of the span has changed since the text was parsed."""
-        where = self.analysis.now(span) if span.file == self.analysis.path else span
-        return None if where is None else TextLines(self.sight.read(span.file) or "").range(where)
+        where = self.analysis.current_span(span) if span.file == self.analysis.path else span
+        return None if where is None else TextLines(self.workspace_index.read(span.file) or "").range(where)
 
     def locations(self, spans: Iterable[Span]) -> list[dict[str, Any]]:
         """Convert spans to LSP locations in the same order."""
@@ -69,7 +69,7 @@ def _names(analysis: Analysis, *, near: bool = False) -> _Names | None:
     if workspace is None:
         return None
     documents = analysis.known.documents
-    last = [documents.root] if documents is not None and not analysis.whole else []
+    last = [documents.root] if documents is not None and not analysis.well_formed else []
     near = near and analysis.known.kind == "assembly"  # the analysis of a variants document omits the documents of its variants
     only = [one.path for one in documents.by_path.values()] if near and documents is not None else None
     return _Names(analysis, index_workspace(workspace, {path: one.text for path, one in analysis.open.items()}, last, only))
@@ -89,8 +89,8 @@ def definition(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
     if name.name.kind == "document":
         return names.locations([line_of(name.name.file)])
     if name.role == "declared" and name.span.file.endswith(".py"):
-        return names.locations(one.span for one in names.sight.index.by_name[name.name] if not one.span.file.endswith(".py"))
-    declared = names.sight.index.find_declaration(name.name)
+        return names.locations(one.span for one in names.workspace_index.index.by_name[name.name] if not one.span.file.endswith(".py"))
+    declared = names.workspace_index.index.find_declaration(name.name)
     return names.locations([] if declared is None else [declared])
 
 
@@ -100,7 +100,7 @@ def references(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
         return []
     names, name = found
     declared = params.get("context", {}).get("includeDeclaration", True)
-    return names.locations(one.span for one in names.sight.index.by_name[name.name] if declared or one.role != "declared")
+    return names.locations(one.span for one in names.workspace_index.index.by_name[name.name] if declared or one.role != "declared")
 
 
 def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
@@ -109,7 +109,7 @@ def highlights(analysis: Analysis, text: str, place: TextPlace, params: Any) -> 
         return []
     names, name = found
     kinds = {"declared": _WRITE, "used": _READ, "fits": _TEXT}
-    uses = [one for one in names.sight.index.by_name[name.name] if one.span.file == analysis.path]
+    uses = [one for one in names.workspace_index.index.by_name[name.name] if one.span.file == analysis.path]
     return [{"range": range_of_use, "kind": kinds[one.role]} for one in uses if (range_of_use := names.range(one.span)) is not None]
 
 
@@ -118,7 +118,7 @@ def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any)
     if (found := _find_name(analysis, place)) is None:
         return None
     names, name = found
-    check_renamable(names.sight, name.name)
+    check_renamable(names.workspace_index, name.name)
     if name.role == "fits":
         raise RenameRefused(f"`{name.name.text}` only matches the pattern here: rename the element at its definition")
     return {"range": names.range(name.span), "placeholder": name.name.text}
@@ -133,7 +133,7 @@ def rename(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
         raise RenameRefused("there is no name at this position")
     names, name = found
     prepare_rename(analysis, text, place, params)
-    result = rename_edits(names.sight, name.name, params["newName"])
+    result = rename_edits(names.workspace_index, name.name, params["newName"])
     changes: dict[str, list[dict[str, Any]]] = {}
     for span in result.places:
         changes.setdefault(span.file, []).append({"range": names.range(span), "newText": params["newName"]})
@@ -147,15 +147,15 @@ def workspace_symbols(analysis: Analysis, text: str, place: TextPlace, params: A
     """Return the names in a workspace that match a query. A name matches if it contains the letters of the query in the same order."""
     names, query = _names(analysis), params.get("query", "").lower()
     symbols: list[dict[str, Any]] = []
-    for place_of in names.sight.index.places if names is not None else ():
+    for place_of in names.workspace_index.index.places if names is not None else ():
         name = place_of.name
-        if place_of.role == "declared" and _has(name.text.lower(), query) and names is not None and len(symbols) < MAX_SYMBOLS:
+        if place_of.role == "declared" and _has_letters(name.text.lower(), query) and names is not None and len(symbols) < MAX_SYMBOLS:
             symbol = {"name": name.text, "kind": _KINDS[name.kind], "containerName": name.owner or os.path.basename(name.file)}
             symbols += [{**symbol, "location": location} for location in names.locations([place_of.span])]
     return symbols
 
 
-def _has(text: str, letters: str) -> bool:
+def _has_letters(text: str, letters: str) -> bool:
     remaining = iter(text)
     return all(letter in remaining for letter in letters)
 
@@ -181,7 +181,7 @@ def _symbols_in(analysis: Analysis, mapping: Node | None, kind: int | None) -> l
     lines = analysis.lines()
     for key, node in mapping.entries.items():
         inside = _KINDS.get(key.removesuffix("s")) if kind is None else None
-        name, whole = analysis.now(mapping.keys[key]), analysis.now(_around(mapping.keys[key], node))
+        name, whole = analysis.current_span(mapping.keys[key]), analysis.current_span(_around(mapping.keys[key], node))
         if key and name is not None and whole is not None:
             listed.append({
                 "name": key, "kind": _MODULE if kind is None else kind, "detail": _detail(node),
@@ -198,7 +198,7 @@ def folds(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
     """
     ends: dict[int, int] = {}
     for key, node in _inside(analysis.known.tree):
-        span = analysis.now(_around(key, node))
+        span = analysis.current_span(_around(key, node))
         if span is not None and span.end_line > span.line:
             ends[span.line] = max(ends.get(span.line, 0), span.end_line)
     ranges: list[dict[str, Any]] = [{"startLine": line - 1, "endLine": end - 1} for line, end in sorted(ends.items())]
@@ -229,7 +229,7 @@ def tokens(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
         if mention.names in (RefersTo("expression"), RefersTo("rule")):
             for start, end, kind in _words(mention.text, mention.names == RefersTo("rule"), parameters):
                 span = declared.narrow_span(declared.span_of(mention), mention.text, start, end)
-                now = analysis.now(span) if span is not None else None
+                now = analysis.current_span(span) if span is not None else None
                 if now is not None:
                     there = analysis.lines().range(now)
                     first, last = there["start"], there["end"]

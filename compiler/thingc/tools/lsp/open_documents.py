@@ -47,7 +47,7 @@ class Superseded(Exception):
 class OpenDocuments:
     """The texts of the documents that are open in an editor, and their analyses.
 
-    One thread changes the texts with the methods `put`, `take_away` and `mark_saved`. Another thread analyses the texts: the method `next`
+    One thread changes the texts with the methods `put`, `close_text` and `mark_saved`. Another thread analyses the texts: the method `next`
     analyses one document and publishes the diagnostics, and the method `analysis` returns an analysis for a request. `options` specify the
     store and whether part code may run. The function `refused` converts an exception to a diagnostic. The function `wake` is called when
     analyses become outdated because workers have finished or because another program saved a file.
@@ -66,13 +66,13 @@ class OpenDocuments:
         self._memos: dict[str, _SupersededMemo] = {}
         self._outdated: dict[str, None] = {}
         self._published: dict[str, list[dict[str, Any]]] = {}
-        self._at_hand: dict[str, CachedParts] = {}
-        self._reach: dict[str, AvailableNames] = {}
-        self._unanswered: dict[str, tuple[str, PendingRequests]] = {}
+        self._cached_parts: dict[str, CachedParts] = {}
+        self._available: dict[str, AvailableNames] = {}
+        self._pending: dict[str, tuple[str, PendingRequests]] = {}
         self._workers: dict[str, BackgroundWorkers] = {}
         self._ended = threading.Event()
         self._watched = FileWatcher()
-        threading.Thread(target=self._look, name="looking", daemon=True).start()
+        threading.Thread(target=self._watch_files, name="looking", daemon=True).start()
 
     # --- texts ---------------------------------------------------------------------------------------------------
 
@@ -82,7 +82,7 @@ class OpenDocuments:
             self.texts, self.recent = {**self.texts, path: text}, path
             self._mark_outdated(path)
 
-    def take_away(self, path: str) -> None:
+    def close_text(self, path: str) -> None:
         """Remove the text of a file that the user closed. Later analyses read the file from disk."""
         with self._lock:
             self.texts = {other: text for other, text in self.texts.items() if other != path}
@@ -95,8 +95,8 @@ class OpenDocuments:
         """
         with self._lock:
             if path not in self.texts or not is_document_path(path):
-                for root in [root for root, parts in self._at_hand.items() if path in parts.inputs]:
-                    del self._at_hand[root]  # the results of the workers are outdated
+                for root in [root for root, parts in self._cached_parts.items() if path in parts.inputs]:
+                    del self._cached_parts[root]  # the results of the workers are outdated
                     self._workers[root].renew()
                 self._mark_outdated(path)
 
@@ -105,7 +105,7 @@ class OpenDocuments:
         self._changes += 1
         self._outdated[path] = None
         for dependent, analysis in self._analyses.items():
-            if path in analysis.looked_at or analysis.kind == "variants":
+            if path in analysis.dependencies or analysis.kind == "variants":
                 self._outdated[dependent] = None
 
     # --- analyses ------------------------------------------------------------------------------------------------
@@ -121,7 +121,7 @@ class OpenDocuments:
                 del self._outdated[path]
                 self._forget(path)
         if path is None:
-            self._ask_workers()
+            self._send_requests()
             return False
         try:
             if path in self.texts:
@@ -140,8 +140,8 @@ class OpenDocuments:
             texts, changes = self.texts, self._changes
             self._outdated.pop(path, None)
         memo = self._memos.setdefault(path, _SupersededMemo())
-        patient = time.monotonic() + (IMPATIENT if path == self.recent else 0.0)
-        memo.until(lambda: self._changes != changes and time.monotonic() > patient)
+        earliest = time.monotonic() + (IMPATIENT if path == self.recent else 0.0)
+        memo.until(lambda: self._changes != changes and time.monotonic() > earliest)
         try:
             analysis = self._analyse(path, texts, memo, known)
         except Superseded:
@@ -150,7 +150,7 @@ class OpenDocuments:
             raise
         with self._lock:
             self._analyses[path] = analysis
-            self._watched.note(analysis.looked_at)
+            self._watched.note(analysis.dependencies)
         if known is None:
             gc.freeze()  # most objects live as long as the document is open, and a garbage collection takes longer than several keystrokes
         return analysis
@@ -159,13 +159,13 @@ class OpenDocuments:
         if not self._is_document(path, texts, known):
             return Analysis(path=path, open=texts)
         try:
-            analysis = analyse(path, texts, self.options, self._lend(path) if self.options.code else None, memo, known)
-            return analysis if analysis.workspace is None else replace(analysis, in_reach=self._reach_of(analysis.workspace))
+            analysis = analyse(path, texts, self.options, self._parts_provider(path) if self.options.code else None, memo, known)
+            return analysis if analysis.workspace is None else replace(analysis, available_names=self._names_of(analysis.workspace))
         except Superseded:
             raise
         except Exception as fault:  # the next change may fix the error
             self._memos.pop(path, None)
-            return Analysis(path=path, open=texts, findings=(self._refused(fault),), whole=False, last=known and known.known)
+            return Analysis(path=path, open=texts, findings=(self._refused(fault),), well_formed=False, last=known and known.known)
 
     def _is_document(self, path: str, texts: Mapping[str, OpenText], known: Analysis | None) -> bool:
         """Return whether a file is a document of thingc and not any other YAML file. A file to which a document refers is a document, too.
@@ -176,13 +176,13 @@ class OpenDocuments:
         return (
             opened is None or os.path.basename(path) == OWN_FILE or known is not None and known.known.documents is not None
             or has_header(opened.text[:HEAD].encode(errors="replace"), path)
-            or any(path in one.looked_at for one in self._analyses.values() if one.path != path)
+            or any(path in one.dependencies for one in self._analyses.values() if one.path != path)
         )
 
     def _forget(self, path: str) -> None:
         self._analyses.pop(path, None)
         self._memos.pop(path, None)
-        self._unanswered.pop(path, None)
+        self._pending.pop(path, None)
 
     # --- findings ------------------------------------------------------------------------------------------------
 
@@ -206,67 +206,67 @@ class OpenDocuments:
 
     # --- parts ---------------------------------------------------------------------------------------------------
 
-    def _lend(self, path: str) -> Callable[[Workspace, Store], PartSource]:
+    def _parts_provider(self, path: str) -> Callable[[Workspace, Store], PartSource]:
         """Return a function that returns the source of parts for a document, which provides part schemas and part records.
 
         The source of parts does not wait for workers.
         """
-        def lend(workspace: Workspace, store: Store) -> PartSource:
-            at_hand = self._at_hand.get(workspace.root)
-            if at_hand is None or at_hand.workspace != workspace:
+        def provide(workspace: Workspace, store: Store) -> PartSource:
+            cached_parts = self._cached_parts.get(workspace.root)
+            if cached_parts is None or cached_parts.workspace != workspace:
                 service = geometry_of(workspace, self.options, store, lambda: read_lock(workspace, Report()), workers=NoWorkers())
-                at_hand = self._at_hand[workspace.root] = CachedParts(service)
-            at_hand.unanswered = PendingRequests()
-            self._unanswered[path] = (workspace.root, at_hand.unanswered)
+                cached_parts = self._cached_parts[workspace.root] = CachedParts(service)
+            cached_parts.pending = PendingRequests()
+            self._pending[path] = (workspace.root, cached_parts.pending)
             if workspace.root not in self._workers:
                 self._workers[workspace.root] = BackgroundWorkers(workspace, store, self.options, self._store_failures)
-            return at_hand
+            return cached_parts
 
-        return lend
+        return provide
 
-    def _reach_of(self, workspace: Workspace) -> AvailableNames:
+    def _names_of(self, workspace: Workspace) -> AvailableNames:
         """Return the names of parts and of other documents that the documents of a workspace can use."""
-        at_hand = self._at_hand.get(workspace.root)
-        known = self._reach.get(workspace.root)
-        if known is None or known.workspace != workspace or known.at_hand is not at_hand:
-            known = self._reach[workspace.root] = AvailableNames(workspace, at_hand, self._wake)
+        cached_parts = self._cached_parts.get(workspace.root)
+        known = self._available.get(workspace.root)
+        if known is None or known.workspace != workspace or known.cached_parts is not cached_parts:
+            known = self._available[workspace.root] = AvailableNames(workspace, cached_parts, self._wake)
         return known
 
-    def _ask_workers(self) -> None:
+    def _send_requests(self) -> None:
         """Send the requests for missing part schemas and part records to the background workers."""
         with self._lock:
             for root, workers in self._workers.items():
                 pending = PendingRequests()
-                for of_root, one in self._unanswered.values():
+                for of_root, one in self._pending.values():
                     if of_root == root:
                         pending.add(one)
-                workers.want(pending)
+                workers.request(pending)
 
     def _store_failures(self, workspace: Workspace, undescribed: Mapping[str, PartFailure], failed: Mapping[str, PartFailure]) -> None:
         """Store the failures from background workers, and mark the analyses that lack results of these workers as outdated."""
         with self._lock:
-            at_hand = self._at_hand.get(workspace.root)
-            if at_hand is not None:
-                at_hand.undescribed.update(undescribed)
-                at_hand.failed.update(failed)
-            for path, (root, pending) in self._unanswered.items():
+            cached_parts = self._cached_parts.get(workspace.root)
+            if cached_parts is not None:
+                cached_parts.undescribed.update(undescribed)
+                cached_parts.failed.update(failed)
+            for path, (root, pending) in self._pending.items():
                 if root == workspace.root and pending:
                     self._outdated[path] = None
         self._wake()
 
     # --- the disk ------------------------------------------------------------------------------------------------
 
-    def _look(self) -> None:
+    def _watch_files(self) -> None:
         """Mark analyses as outdated when another program changes a file on which they depend."""
-        for changed in looks(self._saved_elsewhere, self._ended, PAUSE):
+        for changed in looks(self._take_changed_files, self._ended, PAUSE):
             for path in changed:
                 self.mark_saved(path)
             if changed:
                 self._wake()
 
-    def _saved_elsewhere(self) -> tuple[str, ...]:
+    def _take_changed_files(self) -> tuple[str, ...]:
         with self._lock:
-            needed: frozenset[str] = frozenset().union(*(one.looked_at for one in self._analyses.values()))
+            needed: frozenset[str] = frozenset().union(*(one.dependencies for one in self._analyses.values()))
             if needed != self._watched.paths:
                 self._watched.only(needed)
             return self._watched.take_changes()

@@ -105,7 +105,7 @@ def equal_ends(old: list[str], new: list[str]) -> tuple[int, int]:
 
 
 @lru_cache(maxsize=4)
-def steady(before: str, after: str) -> Callable[[Span], Span | None]:
+def map_spans(before: str, after: str) -> Callable[[Span], Span | None]:
     """Return a function that converts spans in the text `before` to spans in the text `after`.
 
     The function returns None if a line of the span has changed.

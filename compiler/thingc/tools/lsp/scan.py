@@ -73,7 +73,7 @@ class Scan(ABC):
     place: CursorPlace | None = None
     muted: bool = False
     depth: int = 0
-    left: int | None = None
+    outer_line: int | None = None
     """Offset at which an unclosed bracket ended: the start of a line that belongs to an outer block."""
 
     SEPARATOR: ClassVar[str]
@@ -104,7 +104,7 @@ class Scan(ABC):
 
     # --- results ----------------------------------------------------------------------------------------------------------
 
-    def gap(self, low: int, high: int, role: Role, path: Path, *, either: bool = False, flow: bool = False) -> None:
+    def note_gap(self, low: int, high: int, role: Role, path: Path, *, either: bool = False, flow: bool = False) -> None:
         """Process a range of the text without a token, from the offset `low` to the offset `high`, inclusive.
 
         If the cursor is in this range, the user is about to type a key or a value at `path`.
@@ -150,17 +150,17 @@ class Scan(ABC):
         self.mute(at, end)
         return end
 
-    def rest(self, at: int) -> int:
+    def skip_line(self, at: int) -> int:
         """Skip the rest of a line, including a comment, and return the offset of the start of the next line."""
         end = self.line_end(at)
         comment = self.text.find("#", at, end)
         return self.after_break(end if comment < 0 else self.comment(comment))
 
-    def behind_value(self, at: int) -> int:
+    def after_value(self, at: int) -> int:
         """Return the offset at which the scan continues after a value: the start of the next line, or the end of an unclosed bracket."""
-        if self.left is None:
-            return self.rest(at)
-        line, self.left = self.left, None
+        if self.outer_line is None:
+            return self.skip_line(at)
+        line, self.outer_line = self.outer_line, None
         return line
 
     # --- brackets -----------------------------------------------------------------------------------------------------
@@ -168,7 +168,7 @@ class Scan(ABC):
     def skip(self, at: int, column: int) -> int:
         """Skip spaces, line breaks and comments inside brackets.
 
-        If a line belongs to an outer block, store the offset of the line in `left`.
+        If a line belongs to an outer block, store the offset of the line in `outer_line`.
         """
         first: int | None = None
         while True:
@@ -185,11 +185,11 @@ class Scan(ABC):
                 line = blank.end()
                 blank = _BLANK.match(self.text, line)
             if self.ends_flow(line, column):
-                self.left = first
+                self.outer_line = first
                 return at
             at = line
 
-    def brackets(self, at: int, path: Path, column: int) -> int:
+    def scan_brackets(self, at: int, path: Path, column: int) -> int:
         """Scan the mapping `{...}` or list `[...]` that starts at the offset `at`. Return the offset of the end of the value.
 
         `column` is the column of the key.
@@ -197,13 +197,13 @@ class Scan(ABC):
         mapping = self.text[at] == "{"
         index, here, fresh = 0, at + 1, True
         self.depth += 1
-        while self.left is None:
+        while self.outer_line is None:
             before = here
             here = self.skip(here, column)
             inner = path if mapping else (*path, index)
-            high = here if self.left is None else self.line_end(before)
-            self.gap(before, high, "key" if mapping else "value", inner, flow=True)
-            if self.left is not None or here >= len(self.text):
+            high = here if self.outer_line is None else self.line_end(before)
+            self.note_gap(before, high, "key" if mapping else "value", inner, flow=True)
+            if self.outer_line is not None or here >= len(self.text):
                 break
             character = self.text[here]
             if character in "}]":
@@ -214,11 +214,11 @@ class Scan(ABC):
                 here, fresh = here + 1, True
                 continue
             fresh = False
-            here = self.entry(here, path, column) if mapping else self.value_in(here, inner, column)
+            here = self.scan_entry(here, path, column) if mapping else self.scan_value(here, inner, column)
         self.depth -= 1
         return here
 
-    def entry(self, at: int, path: Path, column: int) -> int:
+    def scan_entry(self, at: int, path: Path, column: int) -> int:
         """Scan an entry `key: value` of a mapping in braces. Return the offset of the end of the entry."""
         tokens, end = self.key_tokens(at)
         after = self.spaces(end)
@@ -228,10 +228,10 @@ class Scan(ABC):
             return max(after, at + 1)
         before = after + 1
         here = self.skip(before, column)
-        high = here if self.left is None else self.line_end(before)
-        self.gap(before, high, "value", path, flow=True)
-        ended = self.left is not None or here >= len(self.text) or self.text[here] in ",}]"
-        return here if ended else self.value_in(here, path, column)
+        high = here if self.outer_line is None else self.line_end(before)
+        self.note_gap(before, high, "value", path, flow=True)
+        ended = self.outer_line is not None or here >= len(self.text) or self.text[here] in ",}]"
+        return here if ended else self.scan_value(here, path, column)
 
     def segments(self, tokens: list[Token], path: Path, high: int, separated: bool, *, flow: bool = False, header: bool = False) -> Path:
         """Record the segments of a dotted key, and return the path of its value.
@@ -249,11 +249,11 @@ class Scan(ABC):
             path = (*path, token.name)
         return path
 
-    def value_in(self, at: int, path: Path, column: int) -> int:
+    def scan_value(self, at: int, path: Path, column: int) -> int:
         """Scan a value inside brackets. Return the offset of the end of the value."""
         character = self.text[at]
         if character in "{[":
-            return self.brackets(at, path, column) if self.depth < MAX_LEVELS else at + 1
+            return self.scan_brackets(at, path, column) if self.depth < MAX_LEVELS else at + 1
         if character in "\"'":
             return self.scan_quoted(at, path, column, flow=True)
         end = max(self.match_end(self.PLAIN, at), at + 1)
@@ -265,7 +265,7 @@ class Scan(ABC):
 
     def scan_quoted(self, at: int, path: Path, column: int, *, flow: bool = False) -> int:
         """Scan a value in quotes. Return the offset of the end of the value."""
-        start, end, after = self.quotes(at, column)
+        start, end, after = self.quoted_range(at, column)
         self.scalars[path] = self.text[start:end]
         last = min(end, self.line_end(max(start, min(self.target, end))))
         if start <= self.target <= end:
@@ -274,7 +274,7 @@ class Scan(ABC):
             self.add_token(CursorPlace(role="value", path=path, start=at, end=after, flow=flow), after)
         return after
 
-    def quotes(self, at: int, column: int) -> tuple[int, int, int]:
+    def quoted_range(self, at: int, column: int) -> tuple[int, int, int]:
         """Return the start and the end of the text inside the quotes at the offset `at`, and the offset after the closing quote.
 
         If the closing quote is missing, or if a line of another entry precedes the closing quote, the value ends at the end of the line.

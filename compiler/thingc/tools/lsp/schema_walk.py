@@ -55,16 +55,17 @@ class SchemaWalk:
     def key_offers(self, path: Path) -> list[KeyOffer]:
         """Return the keys that can be added to the mapping at a path, required keys first."""
         flats = self.at(path)
-        there = set(self.keys.get(path, ()))
-        required = {name for flat in flats if "properties" in flat for name in (*flat.get("required", ()), *_one_of_which(flat, there))}
+        present = set(self.keys.get(path, ()))
+        mappings = [flat for flat in flats if "properties" in flat]
+        required = {name for flat in mappings for name in (*flat.get("required", ()), *_missing_choices(flat, present))}
         offers: dict[str, KeyOffer] = {}
         for flat in flats:
             for name in flat.get("properties", {}):
-                if name in there or name in offers or not all(_may_join(one, name, there) for one in flats):
+                if name in present or name in offers or not all(_can_add_key(one, name, present) for one in flats):
                     continue
                 declared = [one["properties"][name] for one in flats if name in one.get("properties", {})]
                 inner = [each for child in declared for each in self._flat(child, (*path, name))]
-                mapping = bool(inner) and all(map(_of_mapping, inner))
+                mapping = bool(inner) and all(map(_allows_mapping, inner))
                 offers[name] = KeyOffer(name=name, description=find_description(inner), required=name in required, mapping=mapping)
         return sorted(offers.values(), key=lambda one: not one.required)
 
@@ -72,7 +73,7 @@ class SchemaWalk:
         """Return the values that the schema lists for a path, in the order of the schema, with their descriptions."""
         offers: dict[str | bool, str] = {}
         for flat in self.at(path):
-            for value, text in _words(flat):
+            for value, text in _choices(flat):
                 offers.setdefault(value, text)
         return offers
 
@@ -94,7 +95,7 @@ class SchemaWalk:
         for name in schema.get("required", ()):
             flats = self._flat(schema["properties"][name], ())
             examples = [one for flat in flats for one in flat.get("examples", ()) if not str(one).startswith("=")]
-            words = [word for flat in flats for word, _ in _words(flat)]
+            words = [word for flat in flats for word, _ in _choices(flat)]
             measured = [one.example for one in _dimensions(flats)]
             needed[name] = next(iter((*examples, *words, *measured)), 1)
         return needed
@@ -126,7 +127,7 @@ class SchemaWalk:
             for branch in schema.get(word, ()):
                 flats += self._flat(branch, path, met)
         if "if" in schema:
-            flats += self._flat(schema.get("then" if self._holds(schema["if"], path) else "else"), path, met)
+            flats += self._flat(schema.get("then" if self._applies(schema["if"], path) else "else"), path, met)
         return flats
 
     def _resolve(self, reference: str) -> Any:
@@ -136,16 +137,16 @@ class SchemaWalk:
             node = node.get(step) if isinstance(node, dict) else None
         return node
 
-    def _holds(self, condition: Schema, path: Path) -> bool:
+    def _applies(self, condition: Schema, path: Path) -> bool:
         """Return whether the document satisfies a condition of the schema. Conditions can only concern keys and scalars."""
-        if "anyOf" in condition and not any(self._holds(one, path) for one in condition["anyOf"]):
+        if "anyOf" in condition and not any(self._applies(one, path) for one in condition["anyOf"]):
             return False
-        there = self.keys.get(path, ())
-        if any(name not in there for name in condition.get("required", ())):
+        present = self.keys.get(path, ())
+        if any(name not in present for name in condition.get("required", ())):
             return False
         return all(
             self.scalars.get((*path, name)) == one["const"]
-            for name, one in condition.get("properties", {}).items() if "const" in one and name in there
+            for name, one in condition.get("properties", {}).items() if "const" in one and name in present
         )
 
 
@@ -156,7 +157,7 @@ def find_description(flats: list[Schema]) -> str:
 
 def described_as(flats: list[Schema], value: str) -> str:
     """Return the description of one choice in the schemas, or an empty string if the schemas do not list this value."""
-    return next((text for flat in flats for word, text in _words(flat) if word == value and text), "")
+    return next((text for flat in flats for word, text in _choices(flat) if word == value and text), "")
 
 
 def _children(schema: Schema, step: str | int) -> Iterator[Any]:
@@ -169,11 +170,11 @@ def _children(schema: Schema, step: str | int) -> Iterator[Any]:
         yield from matching or [schema.get("additionalProperties")]
 
 
-def _may_join(schema: Schema, name: str, there: set[str]) -> bool:
-    """Return whether a key can be added to a mapping that already has the keys `there`. Only rules about keys are checked."""
+def _can_add_key(schema: Schema, name: str, present: set[str]) -> bool:
+    """Return whether a key can be added to a mapping that already has the keys `present`. Only rules about keys are checked."""
     if name not in schema.get("properties", {}):
         return True
-    together = {*there, name}
+    together = {*present, name}
     if together >= set(schema.get("not", {}).get("required", ("",))):
         return False
     choices = [set(branch["required"]) for branch in schema.get("oneOf", ()) if set(branch) == {"required"}]
@@ -184,25 +185,25 @@ def _may_join(schema: Schema, name: str, there: set[str]) -> bool:
         if together >= set(rule.get("not", {}).get("required", ("",))):
             return False
         needs = [rule, *(branch for branch in rule.get("anyOf", ()) if "required" in branch)]
-        if one == name and any(not there >= set(need.get("required", ())) for need in needs):
+        if one == name and any(not present >= set(need.get("required", ())) for need in needs):
             return False
     return True
 
 
-def _one_of_which(schema: Schema, there: set[str]) -> Iterator[str]:
+def _missing_choices(schema: Schema, present: set[str]) -> Iterator[str]:
     """Yield the keys of which a mapping must contain exactly one. Yield nothing if the mapping already contains one of these keys."""
     choices = [branch["required"] for branch in schema.get("oneOf", ()) if set(branch) == {"required"}]
-    if not any(there >= set(choice) for choice in choices):
+    if not any(present >= set(choice) for choice in choices):
         yield from (choice[0] for choice in choices if len(choice) == 1)
 
 
-def _of_mapping(schema: Schema) -> bool:
+def _allows_mapping(schema: Schema) -> bool:
     """Return whether the schema allows a mapping, because the schema describes a mapping or does not restrict the value."""
     kind = schema.get("type")
     return kind == "object" or (kind is None and not any(word in schema for word in ("const", "enum", "pattern")))
 
 
-def _words(schema: Schema) -> Iterator[tuple[str | bool, str]]:
+def _choices(schema: Schema) -> Iterator[tuple[str | bool, str]]:
     """Yield the choices that a schema lists as possible values, with their descriptions."""
     text = str(schema.get("description", ""))
     if isinstance(schema.get("const"), (str, bool)):

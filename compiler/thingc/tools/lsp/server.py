@@ -89,7 +89,7 @@ def serve(options: Options, version: str, refused: Callable[[Exception], Diagnos
 
     server = _server(version)
     converter = server.protocol._converter
-    answering = _Answering()
+    queue = _RequestQueue()
 
     @server.feature(types.INITIALIZE)
     def initialize(params: types.InitializeParams) -> None:
@@ -104,27 +104,27 @@ def serve(options: Options, version: str, refused: Callable[[Exception], Diagnos
             with contextlib.suppress(RuntimeError):  # the server is stopping
                 loop.call_soon_threadsafe(server.text_document_publish_diagnostics, published)
 
-        answering.begin(replace(options, lock=True, code=trusted), publish, refused)
+        queue.begin(replace(options, lock=True, code=trusted), publish, refused)
 
-    _notify(server, answering)
+    _notify(server, queue)
     for method, feature in FEATURES.items():
         options_type = get_method_options_type(method)
         feature_options = None if feature.options is None or options_type is None else converter.structure(feature.options, options_type)
-        server.feature(method, feature_options)(_handler(answering, feature, converter.unstructure))
+        server.feature(method, feature_options)(_handler(queue, feature, converter.unstructure))
     try:
         server.start_io(stdin, stdout)
     finally:
-        answering.close()
+        queue.close()
     return server.protocol._shutdown
 
 
-def _notify(server: LanguageServer, answering: _Answering) -> None:
+def _notify(server: LanguageServer, queue: _RequestQueue) -> None:
     """Register handlers for the notifications that a document was opened, changed, saved or closed."""
     from lsprotocol import types
 
     def put(document: types.VersionedTextDocumentIdentifier | types.TextDocumentItem, text: str) -> None:
         opened = OpenText(uri=document.uri, version=document.version, text=text)
-        answering.change([document.uri], lambda documents, path: documents.put(path, opened))
+        queue.change([document.uri], lambda documents, path: documents.put(path, opened))
 
     @server.feature(types.TEXT_DOCUMENT_DID_OPEN)
     def did_open(params: types.DidOpenTextDocumentParams) -> None:
@@ -137,15 +137,15 @@ def _notify(server: LanguageServer, answering: _Answering) -> None:
 
     @server.feature(types.TEXT_DOCUMENT_DID_CLOSE)
     def did_close(params: types.DidCloseTextDocumentParams) -> None:
-        answering.change([params.text_document.uri], OpenDocuments.take_away)
+        queue.change([params.text_document.uri], OpenDocuments.close_text)
 
     @server.feature(types.TEXT_DOCUMENT_DID_SAVE)
     def did_save(params: types.DidSaveTextDocumentParams) -> None:
-        answering.change([params.text_document.uri], OpenDocuments.mark_saved)
+        queue.change([params.text_document.uri], OpenDocuments.mark_saved)
 
     @server.feature(types.WORKSPACE_DID_CHANGE_WATCHED_FILES)
     def did_change_files(params: types.DidChangeWatchedFilesParams) -> None:
-        answering.change([change.uri for change in params.changes], OpenDocuments.mark_saved)
+        queue.change([change.uri for change in params.changes], OpenDocuments.mark_saved)
 
 
 def _server(version: str) -> LanguageServer:
@@ -174,27 +174,27 @@ def _server(version: str) -> LanguageServer:
                     self._send_response(data["id"], error=fault.to_response_error())
                 raise
 
-    class Quiet(LanguageServer):
+    class QuietServer(LanguageServer):
         """A subclass of pygls' language server that does not show internal errors to the user."""
 
         def report_server_error(self, error: Exception, source: Any) -> None:
             """Log a protocol error, which the editor also receives as a response."""
             logging.getLogger("thingc.tools.lsp").debug("%s: %s", source, error)
 
-    return Quiet(
+    return QuietServer(
         "thingc", version, text_document_sync_kind=types.TextDocumentSyncKind.Full, protocol_cls=Protocol,
         converter_factory=default_converter,
     )
 
 
-def _handler(answering: _Answering, feature: Feature, plain: Callable[[Any], Any]) -> Callable[[Any], Awaitable[Any]]:
+def _handler(queue: _RequestQueue, feature: Feature, plain: Callable[[Any], Any]) -> Callable[[Any], Awaitable[Any]]:
     async def handle(params: Any) -> Any:
-        return await answering.answer_in_order(feature, plain(params))
+        return await queue.answer_in_order(feature, plain(params))
 
     return handle
 
 
-class _Answering:
+class _RequestQueue:
     """The open documents of an editor, and a thread that analyses the documents and answers the editor's requests in order.
 
     Before the method `begin` is called, there are no documents.
@@ -243,7 +243,7 @@ class _Answering:
                 analysis = self._opened.analysis(path)
                 break
         if feature.everywhere:
-            analysis = replace(analysis, open=self._opened.texts, _kept={})
+            analysis = replace(analysis, open=self._opened.texts, _cache={})
         place = analysis.lines().place(params["position"]) if "position" in params else TextPlace(line=1, column=1)
         try:
             return answer(analysis, analysis.text, place, params)
@@ -254,8 +254,8 @@ class _Answering:
 
     def _wake(self) -> None:
         with contextlib.suppress(RuntimeError):  # the server is stopping
-            self._thread.submit(self._work)
+            self._thread.submit(self._analyse_next)
 
-    def _work(self) -> None:
+    def _analyse_next(self) -> None:
         if self._opened is not None and self._opened.next():
             self._wake()  # run after the requests that are already waiting

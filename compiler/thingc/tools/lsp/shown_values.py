@@ -26,7 +26,7 @@ MAX_ITEMS = 1000
 
 def parameters_of(analysis: Analysis) -> Mapping[str, ExpressionValue]:
     """Return the names and the values of all parameters of the document."""
-    return analysis.known.once("parameters", lambda: _worked_out(analysis.known.tree))
+    return analysis.known.cached("parameters", lambda: _parameter_values(analysis.known.tree))
 
 
 def evaluate_expression(analysis: Analysis, path: Path, text: str) -> tuple[ExpressionValue, ...]:
@@ -86,7 +86,7 @@ def format_values(values: tuple[ExpressionValue, ...]) -> str:
     )
 
 
-def _worked_out(tree: MappingNode | None) -> dict[str, ExpressionValue]:
+def _parameter_values(tree: MappingNode | None) -> dict[str, ExpressionValue]:
     waiting = {} if tree is None else {name: one.value for name, one in symbols_of(tree).parameters.items()}
     known: dict[str, ExpressionValue] = {}
     count = -1
@@ -130,7 +130,7 @@ def hints(analysis: Analysis, text: str, place: TextPlace, params: Mapping[str, 
 Steps = tuple[str, ...]
 
 
-def frame_words(analysis: Analysis, reference: str) -> str:
+def mount_frame_text(analysis: Analysis, reference: str) -> str:
     """Format the frame of the mount `component.mount` relative to its component: `(12, 0, 30) mm, z along +y`.
 
     Return an empty string for an unknown mount. For a mount in a nested assembly, the text contains the part to which the frame is
@@ -141,42 +141,42 @@ def frame_words(analysis: Analysis, reference: str) -> str:
     if place is None:
         return ""
     pose, owner = place
-    return in_words(pose) + (f" of `{'.'.join(owner)}`" if len(owner) > 1 else "")
+    return format_frame(pose) + (f" of `{'.'.join(owner)}`" if len(owner) > 1 else "")
 
 
-def in_words(pose: Pose) -> str:
+def format_frame(pose: Pose) -> str:
     """Format the origin of a frame and the direction of its z axis on one line."""
-    return f"{length_words(pose.translation)}, z along {direction_words(transpose(pose.rotation)[2])}"
+    return f"{format_position(pose.translation)}, z along {format_direction(transpose(pose.rotation)[2])}"
 
 
-def length_words(vector: Vector) -> str:
+def format_position(vector: Vector) -> str:
     """Convert a position from metres to a text in millimetres, such as `(12, 0, 30) mm`."""
-    return f"({', '.join(_short(1000.0 * value) for value in vector)}) mm"
+    return f"({', '.join(_format_number(1000.0 * value) for value in vector)}) mm"
 
 
-def _find_frame(analysis: Analysis, model: AssemblyDefinition, steps: Sequence[str], above: Steps) -> tuple[Pose, Steps] | None:
+def _find_frame(analysis: Analysis, model: AssemblyDefinition, steps: Sequence[str], outer: Steps) -> tuple[Pose, Steps] | None:
     """Return the frame of a mount, and the path of the component to which the frame is relative. Return None for an unknown mount."""
     component = next((one for one in model.components if one.name == steps[0]), None)
     rest = steps[1:]
     if component is None or not rest:
         return None
-    owner = (*above, component.name)
+    owner = (*outer, component.name)
     definition = component.definition
     if rest[0] in component.mounts and len(rest) == 1:
         return component.mounts[rest[0]].pose, owner
     if isinstance(definition, AssemblyDefinition):
-        shown = definition.mounts.get(rest[0]) if len(rest) == 1 else None
-        return _find_frame(analysis, definition, shown.text.split(".") if shown is not None else rest, owner)
+        exported = definition.mounts.get(rest[0]) if len(rest) == 1 else None
+        return _find_frame(analysis, definition, exported.text.split(".") if exported is not None else rest, owner)
     record = analysis.records.get(definition.text) if isinstance(definition, PartDefinition) else None
     if len(rest) > 1 or not isinstance(record, PartRecord) or not record.exact or rest[0] not in record.mounts:
         return None
     return record.mounts[rest[0]].pose, owner
 
 
-def direction_words(direction: Vector) -> str:
+def format_direction(direction: Vector) -> str:
     """Format a unit vector as a direction: `+x`, `-z`, `(0.6, 0, 0.8)`."""
-    return axis_name(direction) or f"({', '.join(_short(value) for value in direction)})"
+    return axis_name(direction) or f"({', '.join(_format_number(value) for value in direction)})"
 
 
-def _short(value: float) -> str:
+def _format_number(value: float) -> str:
     return f"{value:z.4g}"
