@@ -102,12 +102,13 @@ def _import_step(arguments: argparse.Namespace, report: Report) -> int:
 def _assembly_lines(arguments: argparse.Namespace, imported: ImportedAssembly, folder: str) -> list[str]:
     """Describe an imported STEP assembly, and suggest commands that the user can run next."""
     assembly, folder_text = imported.assembly, shown_path(folder)
-    things = [(len(assembly.assemblies), "document"), (imported.components, "component"), (len(assembly.parts), "part")]
+    components = sum(len(group.children) for group in assembly.assemblies)
+    things = [(len(assembly.assemblies), "document"), (components, "component"), (len(assembly.parts), "part")]
     words = [format_count(number, what) for number, what in things]
     source = os.path.basename(arguments.file)
     lines = [f"{'would import' if arguments.check else folder_text + ':'} {', '.join(words[:-1])} and {words[-1]} of {source}"]
     lines += [f"  {note}" for note in _some([*imported.notes])]
-    document = shlex.quote(os.path.join(folder_text, imported.document))
+    document = shlex.quote(os.path.join(folder_text, f"{imported.name}.yaml"))
     return lines if arguments.check else [
         *lines, "", f"  thingc check {document}    report errors and warnings", f"  thingc joints {document}   propose joints",
     ]

@@ -113,16 +113,14 @@ STOCK = "thingc_stock.materials"
 
 
 class ImportedAssembly(FrozenStruct):
-    """An imported STEP assembly. `files` maps paths to contents, and `document` is the path of the outermost document.
+    """An imported STEP assembly. `name` is the name of the outermost document, and `files` maps paths to contents.
 
     `notes` lists everything that is not in the documents, or that was assumed.
     """
 
     name: str
-    document: str
     files: Mapping[str, bytes]
     assembly: StepAssembly
-    components: int
     notes: tuple[str, ...]
 
 
@@ -163,16 +161,14 @@ class StepDocuments:
 
     def imported_assembly(self) -> ImportedAssembly:
         """Return the contents of all files."""
-        assembly, root = self.assembly, self.documents[self.assembly.root]
+        assembly = self.assembly
         files = {f"{self.documents[number]}.yaml": self._document(number) for number in range(len(assembly.assemblies))}
         files |= {f"parts/{self.files[number]}.step": self.store.read(part.sha256) for number, part in enumerate(assembly.parts)}
         materials = [*self._materials()]
         files |= {MATERIALS: "\n".join(("thingc: materials/1", "materials:", *materials, "")).encode()} if materials else {}
         notes = tuple(self._notes())
         files["import.json"] = self._record(notes)
-        return ImportedAssembly(
-            name=root, document=f"{root}.yaml", files=files, assembly=assembly, components=sum(map(len, self.components)), notes=notes,
-        )
+        return ImportedAssembly(name=self.documents[assembly.root], files=files, assembly=assembly, notes=notes)
 
     def frame(self, child: StepChild) -> Pose:
         """Return the pose of the frame of a component in its assembly.

@@ -92,27 +92,26 @@ class _Expanding:
         except RecursionError:
             return {"fault": "the file has infinite recursion", "file": self.path, "line": 1}
         except Exception as fault:  # expressions can raise any exception
-            said, root = str(fault), fault
+            message, root = str(fault), fault
             while isinstance(getattr(root, "exc", None), Exception):
                 root = root.exc  # type: ignore[attr-defined]
             if isinstance(root, OSError):
-                said = str(fault.args[0] or f"`{root.filename}`: {(root.strerror or str(root)).lower()}")
-            elif said.startswith("<class"):
-                said = str(root if root is not fault else fault.args[0])
-            said = " ".join((said if str(root) else f"{type(root).__name__} {said}").split())
+                message = str(fault.args[0] or f"`{root.filename}`: {(root.strerror or str(root)).lower()}")
+            elif message.startswith("<class"):
+                message = str(root if root is not fault else fault.args[0])
+            message = " ".join((message if str(root) else f"{type(root).__name__} {message}").split())
             top = next((one for one in reversed(xacro.filestack or []) if one), self.path)
-            file, line = self._place(os.path.abspath(top), said)
-            return {"fault": said, "file": file, "line": line}
+            file, line = self._place(os.path.abspath(top), message)
+            return {"fault": message, "file": file, "line": line}
 
-    def _place(self, top: str, said: str) -> tuple[str, int]:
+    def _place(self, top: str, message: str) -> tuple[str, int]:
         """Return the file and the line to report for an error message of xacro.
 
         The result is the line with the first occurrence of an expression or name in the message, or the first line of the file `top`.
         """
-        quoted = sorted({one or other for one, other in re.findall(r"'([^']+)'|`([^`]+)`", said)}, key=len, reverse=True)
-        files = list(dict.fromkeys([top, *self.files]))
+        quoted = sorted({one or other for one, other in re.findall(r"'([^']+)'|`([^`]+)`", message)}, key=len, reverse=True)
         texts = {}
-        for file in files:
+        for file in dict.fromkeys([top, *self.files]):
             with contextlib.suppress(OSError), open(file, encoding="utf-8", errors="replace") as stream:
                 texts[file] = stream.read().split("\n")
         for wanted in (*(f"${{{one}}}" for one in quoted), *quoted, *map(os.path.basename, quoted)):

@@ -200,9 +200,7 @@ class ShiftEdits:
         """Yield the new ratios of transmissions of a reversed joint, so that the actuators turn in the same directions as before."""
         for name in entries_of(node_at(self.document.tree, ("transmissions",))) if self.shift.sign < 0 else ():
             path: Keys = ("transmissions", name)
-            ratios: list[Keys] = []
-            if text_of(node_at(self.document.tree, (*path, "joint"))) in self.names:
-                ratios = [(*path, "ratio")]
+            ratios: list[Keys] = [(*path, "ratio")] if text_of(node_at(self.document.tree, (*path, "joint"))) in self.names else []
             joints = node_at(self.document.tree, (*path, "differential", "joints"))
             for k, joint in enumerate(joints.items if isinstance(joints, SequenceNode) else ()):
                 if text_of(joint) in self.names and isinstance(joints, SequenceNode):

@@ -8,6 +8,7 @@ import os
 import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, Protocol
 
 from thingc.base.diagnostics import Code, Report
@@ -140,6 +141,8 @@ def read_document(path: str, workspace: Workspace) -> ParsedDocument | None:
     )
 
 
+general_schema = cache(json_schema)
+"""The function `json_schema` with a cache. Its results must not be changed."""
 LOOK = 1.0
 """Maximum age [s] of the cached names in other documents while the user types."""
 
@@ -169,7 +172,6 @@ class Schemas:
     def __init__(self, workspace: Workspace, geometry: AvailableParts) -> None:
         self.workspace = workspace
         self._parts = Parts(geometry)
-        self._general: dict[str, dict[str, Any]] = {}
         self._seen: dict[str, Stat] = {}
         self._symbols: dict[str, DocumentSymbols] = {}
         self._narrowed: dict[str, tuple[tuple[DocumentFacts, SchemaContext], dict[str, Any]]] = {}
@@ -218,11 +220,7 @@ class Schemas:
 
     def general(self, kind: str) -> dict[str, Any] | None:
         """Return the JSON Schema for all documents of a kind, such as `assembly`. Return None for an unknown kind."""
-        if kind not in KINDS:
-            return None
-        if kind not in self._general:
-            self._general[kind] = json_schema(kind)
-        return self._general[kind]
+        return general_schema(kind) if kind in KINDS else None
 
     def schema_of(
         self, path: str, tree: MappingNode, model: AssemblyDefinition | None, records: Records,

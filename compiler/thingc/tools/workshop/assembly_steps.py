@@ -61,7 +61,7 @@ class Piece:
         return self.occurrences[0]
 
     @property
-    def screw(self) -> bool:
+    def is_screw(self) -> bool:
         """Whether the piece is a screw: the mount at which it is attached has a shank."""
         mount = None if self.mate is None else self.first.mounts.get(self.mate.child_mount)
         return mount is not None and any(isinstance(one, Shank) for one in mount.features)
@@ -101,7 +101,7 @@ def sections(assembly: Assembly, store: Store, report: Report) -> list[Section]:
     """
     planner = _Planner(assembly, store, report)
     titles = {one.text: one.label for one in assembly.hag.definitions}
-    found: dict[str, list[Section]] = {}
+    sections_by_key: dict[str, list[Section]] = {}
     counts: dict[str, int] = {}
 
     def visit(path: str) -> None:
@@ -111,13 +111,13 @@ def sections(assembly: Assembly, store: Store, report: Report) -> list[Section]:
                 visit(f"{path}/{piece.name}".lstrip("/"))
         chapter = planner.definition(path)
         counts[chapter] = counts.get(chapter, 0) + 1
-        if chapter not in found:
+        if chapter not in sections_by_key:
             groups: list[Section] = []
             steps = tuple(planner.steps(pieces, chapter, path, groups))
-            found[chapter] = [*groups, Section(chapter=chapter, title=titles[chapter], path=path, count=0, steps=steps)]
+            sections_by_key[chapter] = [*groups, Section(chapter=chapter, title=titles[chapter], path=path, count=0, steps=steps)]
 
     visit("")
-    return [replace(one, count=counts[chapter]) for chapter, together in found.items() for one in together]
+    return [replace(one, count=counts[chapter]) for chapter, together in sections_by_key.items() for one in together]
 
 
 class _Planner:
@@ -144,61 +144,61 @@ class _Planner:
         prefix = f"{path}/" if path else ""
         inside = (one for one in self._assembly.occurrences if one.path.startswith(prefix))
         members = group_by(inside, lambda one: one.path[len(prefix):].partition("/")[0])
-        found = []
+        pieces = []
         for name, occurrences in members.items():
             first = occurrences[0]
             nested = first.path != prefix + name
-            own = first.definition.text if first.definition.kind in ("part", "file") else first.path
-            definition = self.definition(prefix + name) if nested else own
-            found.append(Piece(name, definition, definition if nested and first.unit is None else None, occurrences))
+            part_definition = first.definition.text if first.definition.kind in ("part", "file") else first.path
+            definition = self.definition(prefix + name) if nested else part_definition
+            pieces.append(Piece(name, definition, definition if nested and first.unit is None else None, occurrences))
         ranks = {one.text: (rank, one.origin) for rank, one in enumerate(self._orders.get(self.definition(path), ()))}
-        for piece in found:
+        for piece in pieces:
             piece.rank, piece.listed = ranks.get(piece.name, (-1, ()))
-        owner = {one.index: piece for piece in found for one in piece.occurrences}
-        for piece in found:
+        owner = {one.index: piece for piece in pieces for one in piece.occurrences}
+        for piece in pieces:
             for one in piece.occurrences:
                 mate = self._mates.get(one.index)
                 if mate is not None and mate.parent in owner and owner[mate.parent] is not piece:
                     piece.mate, piece.parent = mate, owner[mate.parent]
-        return found
+        return pieces
 
     def steps(self, pieces: Sequence[Piece], chapter: str, path: str, groups: list[Section]) -> list[AssemblyStep]:
         """Return the steps in which pieces are assembled. Add sections to `groups` for pieces that are assembled first.
 
         Pieces without a solid, such as circuit boards with only a mass, are added as soon as their parents are there.
         """
-        loose = [
+        without_solid = [
             piece for piece in pieces
             if piece.rank < 0 and not self._solids_of(piece) and not any(other.parent is piece for other in pieces)
         ]
         steps: list[AssemblyStep] = []
-        for step in reversed(self._taken_apart([piece for piece in pieces if piece not in loose], chapter)):
+        for step in reversed(self._removal_steps([piece for piece in pieces if piece not in without_solid], chapter)):
             (piece,) = step.pieces
             if len(piece.members) > 1:
-                inside = [*piece.members, *(one for one in loose if one.parent in piece.members)]
-                loose = [one for one in loose if one not in inside]
-                own = tuple(self.steps(inside, piece.definition, path, groups))
-                groups.append(Section(chapter=piece.definition, title=f"group {piece.name}", path=path, count=0, steps=own))
+                members = [*piece.members, *(one for one in without_solid if one.parent in piece.members)]
+                without_solid = [one for one in without_solid if one not in members]
+                group_steps = tuple(self.steps(members, piece.definition, path, groups))
+                groups.append(Section(chapter=piece.definition, title=f"group {piece.name}", path=path, count=0, steps=group_steps))
             if steps and steps[-1].pieces[0].equals(piece) and steps[-1].blocked == step.blocked:
                 last = steps.pop()
                 step = replace(last, pieces=last.pieces + step.pieces, directions=last.directions + step.directions)
             steps.append(step)
-        for piece in reversed(loose):
-            after = next((k for k, step in enumerate(steps) if piece.parent in step.pieces), len(steps) - 1)
-            steps.insert(after + 1, AssemblyStep(pieces=(piece,), directions=(None,)))
+        for piece in reversed(without_solid):
+            parent_step = next((k for k, step in enumerate(steps) if piece.parent in step.pieces), len(steps) - 1)
+            steps.insert(parent_step + 1, AssemblyStep(pieces=(piece,), directions=(None,)))
         return [step for step in steps if any(is_listed(one) for piece in step.pieces for one in piece.occurrences)]
 
-    def _taken_apart(self, pieces: Sequence[Piece], chapter: str) -> list[AssemblyStep]:
+    def _removal_steps(self, pieces: Sequence[Piece], chapter: str) -> list[AssemblyStep]:
         """Return the steps in which pieces and groups are removed, one at a time."""
         present = self._order_pieces(pieces)
         removed: list[AssemblyStep] = []
         while present:
             leaves = self._leaves(present)
             removable = (piece for piece in chain(leaves, self._branches(present, chapter)) if _is_last(piece, present))
-            ways = (AssemblyStep(pieces=(piece,), directions=(way,)) for piece in removable for way in self._ways(piece, present))
-            step = next(ways, None)
+            removals = ((piece, direction) for piece in removable for direction in self._free_directions(piece, present))
+            step = next((AssemblyStep(pieces=(piece,), directions=(direction,)) for piece, direction in removals), None)
             if step is None:
-                step = AssemblyStep(pieces=(leaves[0],), directions=(None,), blocked=self._in_the_way(leaves[0], present))
+                step = AssemblyStep(pieces=(leaves[0],), directions=(None,), blocked=self._blocking_names(leaves[0], present))
                 listed = next((other for other in present if other.rank >= 0 and other.name in step.blocked), None)
                 if leaves[0].rank >= 0 and listed is not None:
                     message = f"`{leaves[0].name}` cannot be added after `{listed.name}`, which is in its way"
@@ -214,12 +214,12 @@ class _Planner:
         If there are none, report the contradiction in `order`, and return all pieces without other pieces attached to them.
         """
         leaves = [piece for piece in reversed(present) if not any(other.parent is piece for other in present)]
-        last = [piece for piece in leaves if _is_last(piece, present)]
-        if not last:
+        allowed = [piece for piece in leaves if _is_last(piece, present)]
+        if not allowed:
             leaf, carrier = next((leaf, one) for leaf in leaves for one in _carriers(leaf) if one.rank > leaf.rank)
             message, help = f"`{leaf.name}` is listed before `{carrier.name}`, which carries it", f"list `{carrier.name}` first"
             self._report.add(Code.ASSEMBLY_ORDER, message, leaf.listed, help=help)
-        return last or leaves
+        return allowed or leaves
 
     def _branches(self, present: Sequence[Piece], chapter: str) -> Iterator[Piece]:
         """Yield groups of a piece and all pieces that hang on it, the smallest first."""
@@ -240,22 +240,24 @@ class _Planner:
 
     def _order_pieces(self, pieces: Sequence[Piece]) -> list[Piece]:
         """Return pieces with parents first, and each screw as soon as all parts that it passes are there."""
-        passed = {piece: [other for other in pieces if not other.screw and self._meet(piece, other)] for piece in pieces if piece.screw}
+        others = [piece for piece in pieces if not piece.is_screw]
+        passed = {piece: [other for other in others if self._meet(piece, other)] for piece in pieces if piece.is_screw}
         order: list[Piece] = []
         waiting = list(pieces)
         while waiting:
             free = [piece for piece in waiting if piece.parent not in waiting]
-            screws = (piece for piece in free if piece.screw and all(other in order for other in passed[piece]))
-            chosen = next(screws, None) or next((piece for piece in free if not piece.screw), free[0])
+            screws = (piece for piece in free if piece.is_screw and all(other in order for other in passed[piece]))
+            chosen = next(screws, None) or next((piece for piece in free if not piece.is_screw), free[0])
             order.append(chosen)
             waiting.remove(chosen)
         return order
 
     def _meet(self, piece: Piece, other: Piece) -> bool:
         """Return whether bounding boxes of parts of two pieces overlap."""
-        return any(_overlap(own.box(pose), theirs.box(at)) for own, pose in self._solids_of(piece) for theirs, at in self._solids_of(other))
+        boxes, other_boxes = ([solid.box(pose) for solid, pose in self._solids_of(one)] for one in (piece, other))
+        return any(_overlap(box, other_box) for box in boxes for other_box in other_boxes)
 
-    def _ways(self, piece: Piece, present: Sequence[Piece]) -> Iterator[Vector | None]:
+    def _free_directions(self, piece: Piece, present: Sequence[Piece]) -> Iterator[Vector | None]:
         """Yield the directions along the axes of its mount in which a piece can be removed, first out of the part that carries it.
 
         A piece without a solid can be removed in any case, and has no direction.
@@ -263,13 +265,13 @@ class _Planner:
         if not self._solids_of(piece) or len(present) == 1:
             yield None
         elif piece.mate is not None:
-            yield from (way for way in self._axes(piece.mate) if not self._collisions(piece, present, way))
+            yield from (direction for direction in self._axes(piece.mate) if not self._collisions(piece, present, direction))
 
     def _axes(self, mate: Mate) -> list[Vector]:
         x, y, z = transpose((self._assembly.rest[mate.parent] @ mate.X_PJ).rotation)
-        return [sign_axis for axis in (z, x, y) for sign_axis in (axis, (-axis[0], -axis[1], -axis[2]))]
+        return [signed_axis for axis in (z, x, y) for signed_axis in (axis, (-axis[0], -axis[1], -axis[2]))]
 
-    def _in_the_way(self, piece: Piece, present: Sequence[Piece]) -> tuple[str, ...]:
+    def _blocking_names(self, piece: Piece, present: Sequence[Piece]) -> tuple[str, ...]:
         assert piece.mate is not None
         return tuple(other.name for other in self._collisions(piece, present, self._axes(piece.mate)[0]))
 
@@ -280,11 +282,11 @@ class _Planner:
     def _collides(self, piece: Piece, other: Piece, direction: Array) -> bool:
         if not self._solids_of(other):
             return False
-        own, theirs = self._box(piece), self._box(other)
-        length = max(float(np.abs(direction) @ (own[1] - own[0])), SHORTEST)
-        reach = float((theirs * direction).max(axis=0).sum() - (own * direction).min(axis=0).sum())
-        moved = own + reach * direction
-        if reach <= 0.0 or not _overlap(np.stack([np.minimum(own[0], moved[0]), np.maximum(own[1], moved[1])]), theirs):
+        box, other_box = self._box(piece), self._box(other)
+        length = max(float(np.abs(direction) @ (box[1] - box[0])), SHORTEST)
+        reach = float((other_box * direction).max(axis=0).sum() - (box * direction).min(axis=0).sum())
+        moved = box + reach * direction
+        if reach <= 0.0 or not _overlap(np.stack([np.minimum(box[0], moved[0]), np.maximum(box[1], moved[1])]), other_box):
             return False
         count = int(np.ceil(STEPS * reach / length))
         allowed = self._overlap_volume(piece, other, np.zeros(3)) + SLACK * min(self._volume(piece), self._volume(other))
@@ -292,8 +294,8 @@ class _Planner:
 
     def _solids_of(self, piece: Piece) -> list[tuple[Solid, Pose]]:
         if piece not in self._places:
-            made = [(self._solids.solid(one), self._assembly.rest[one.index]) for one in piece.occurrences]
-            self._places[piece] = [(solid, pose) for solid, pose in made if solid is not None]
+            placed = [(self._solids.solid(one), self._assembly.rest[one.index]) for one in piece.occurrences]
+            self._places[piece] = [(solid, pose) for solid, pose in placed if solid is not None]
         return self._places[piece]
 
     def _box(self, piece: Piece) -> Array:
@@ -307,11 +309,11 @@ class _Planner:
     def _overlap_volume(self, piece: Piece, other: Piece, offset: Array) -> float:
         """Return the volume [m^3] in which a piece at an offset overlaps another piece."""
         total = 0.0
-        for own, pose in self._solids_of(piece):
+        for solid, pose in self._solids_of(piece):
             moved = replace(pose, translation=add_scaled(pose.translation, tuple(offset.tolist()), 1.0))
-            for theirs, at in self._solids_of(other):
-                if _overlap(own.box(moved), theirs.box(at)):
-                    total += own.at(moved).overlap(theirs.at(at))[0]
+            for other_solid, other_pose in self._solids_of(other):
+                if _overlap(solid.box(moved), other_solid.box(other_pose)):
+                    total += solid.at(moved).overlap(other_solid.at(other_pose))[0]
         return total
 
 

@@ -55,12 +55,12 @@ class _Book:
         pieces = sum(row.quantity for row, _ in self._rows)
         yield f"<h1>{name}</h1><p>{pieces} part{'s' * (pieces != 1)}, {1e3 * self._assembly.properties.mass:.4g} g</p><h2>Parts</h2>"
         prices = any(row.cost for row, _ in self._rows)
-        heads = ("", "No.", "Part", "Quantity", "Source", "Material", *(("Price", "Total") if prices else ()))
-        yield f"<table><tr>{''.join(f'<th>{head}</th>' for head in heads)}</tr>"
+        headings = ("", "No.", "Part", "Quantity", "Source", "Material", *(("Price", "Total") if prices else ()))
+        yield f"<table><tr>{''.join(f'<th>{head}</th>' for head in headings)}</tr>"
         for row, occurrences in self._rows:
-            web = row.link is not None and row.link.startswith(("https://", "http://"))
+            is_web_link = row.link is not None and row.link.startswith(("https://", "http://"))
             name = html_text(_label(row, occurrences[0]))
-            link = f'<a href="{html_text(row.link or "")}">{name}</a>' if web else name
+            link = f'<a href="{html_text(row.link or "")}">{name}</a>' if is_web_link else name
             cost = (row.cost or "", row.total or "") if prices else ()
             number, *rest = (f"<td>{html_text(cell)}</td>" for cell in (row.number, str(row.quantity), row.make, row.material or "", *cost))
             yield f"<tr><td>{self._picture(row, occurrences[0])}</td>{number}<td>{link}</td>{''.join(rest)}</tr>"
@@ -82,8 +82,8 @@ class _Book:
         yield f"<h2>{number}. {html_text(section.title)}{times}</h2>"
         done: list[Piece] = []
         for index, step in enumerate(section.steps, 1):
-            there = [one for piece in done for one in piece.occurrences]
-            url = None if self._pictures is None else self._pictures.step(there, step, (done or step.pieces)[0].first)
+            finished = [one for piece in done for one in piece.occurrences]
+            url = None if self._pictures is None else self._pictures.step(finished, step, (done or step.pieces)[0].first)
             done += step.pieces
             yield f'<div class="step">{_image(url, f"step {number}.{index}")}<div><div class="number">{number}.{index}</div><ul>'
             yield f"<li><b>{len(step.pieces)} &times; {self._name(step.pieces[0])}</b></li>"
@@ -125,11 +125,11 @@ class _Book:
 
     def _closing_joints(self, step: AssemblyStep, done: Sequence[Piece], path: str) -> Iterator[str]:
         """Yield the joints that close loops between the new pieces and all others."""
-        new, there = ({one.index for piece in pieces for one in piece.occurrences} for pieces in (step.pieces, done))
+        new, present = ({one.index for piece in pieces for one in piece.occurrences} for pieces in (step.pieces, done))
         for mate in self._assembly.mates:
             ends = {mate.parent, mate.child}
             inside = any(ends <= {one.index for one in piece.occurrences} for piece in done)
-            if mate.loop is not None and ends & new and ends <= there and not inside:
+            if mate.loop is not None and ends & new and ends <= present and not inside:
                 yield (f"{self._mount(mate.child, mate.child_mount, path)} on {self._mount(mate.parent, mate.parent_mount, path)} "
                        f"closes the loop <code>{html_text(_local(mate.loop, path))}</code>")
 

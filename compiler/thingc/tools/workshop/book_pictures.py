@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 
 SIZE, SMALL = (640, 480), (160, 120)
 """Sizes of the pictures of steps, and of parts in the bill of materials [px]."""
-DONE, NEW, WAY = "0.80 0.81 0.83 1", "0.93 0.42 0.08 1", "0.1 0.1 0.12 1"
+DONE, NEW, PATH = "0.80 0.81 0.83 1", "0.93 0.42 0.08 1", "0.1 0.1 0.12 1"
 """Colours of finished pieces, of new pieces, and of the lines along which they move."""
 AZIMUTHS = (140.0, 230.0, 50.0, 320.0)
 """Directions of the camera [deg], in order of preference."""
 CORNERS = 60
 """Number of corners of a new part whose visibility is checked."""
 GRAVITY = (0.0, 0.0, -9.81)
-CLEAR = 0.012
+CLEARANCE = 0.012
 """The distance [m] between a new piece and its place, in addition to its own length."""
 
 
-class _Shown(FrozenStruct, eq=False):
+class _ColoredPart(FrozenStruct, eq=False):
     occurrence: Occurrence
     pose: Pose
     color: str
@@ -48,7 +48,7 @@ class Pictures:
     def part(self, occurrence: Occurrence) -> str | None:
         """Return a small picture of a part as a `data:` URL, or None if it has no shapes for display."""
         color = " ".join(f"{int(occurrence.color[k : k + 2], 16) / 255.0:.3g}" for k in (1, 3, 5)) + " 1" if occurrence.color else DONE
-        return self._render([_Shown(occurrence=occurrence, pose=Pose(), color=color)], [], SMALL)
+        return self._render([_ColoredPart(occurrence=occurrence, pose=Pose(), color=color)], [], SMALL)
 
     def step(self, done: Iterable[Occurrence], step: AssemblyStep, base: Occurrence) -> str | None:
         """Return the picture of a step as a `data:` URL, in the frame of the occurrence `base`.
@@ -57,47 +57,47 @@ class Pictures:
         """
         if not any(one.drawn for piece in step.pieces for one in piece.occurrences):
             return None
-        home = self._assembly.rest[base.index].inverse()
-        shown = [_Shown(occurrence=one, pose=home @ self._assembly.rest[one.index], color=DONE) for one in done]
+        to_base = self._assembly.rest[base.index].inverse()
+        parts = [_ColoredPart(occurrence=one, pose=to_base @ self._assembly.rest[one.index], color=DONE) for one in done]
         lines: list[tuple[Vector, Vector]] = []
         for piece, direction in zip(step.pieces, step.directions, strict=True):
             shift = np.zeros(3)
             if direction is not None:
-                way = np.array(home.rotation) @ np.array(direction)
-                shift = way * self._distance(piece.occurrences, home, way)
+                direction_in_base = np.array(to_base.rotation) @ np.array(direction)
+                shift = direction_in_base * self._distance(piece.occurrences, to_base, direction_in_base)
             for one in piece.occurrences:
-                pose = home @ self._assembly.rest[one.index]
+                pose = to_base @ self._assembly.rest[one.index]
                 moved = Pose(rotation=pose.rotation, translation=add_scaled(pose.translation, _vector(shift), 1.0))
-                shown.append(_Shown(occurrence=one, pose=moved, color=NEW))
+                parts.append(_ColoredPart(occurrence=one, pose=moved, color=NEW))
             if direction is not None:
                 mate = piece.mate
                 assert mate is not None
-                seat = (home @ self._assembly.rest[mate.parent] @ mate.X_PJ).translation
+                seat = (to_base @ self._assembly.rest[mate.parent] @ mate.X_PJ).translation
                 lines.append((seat, add_scaled(seat, _vector(shift), 1.0)))
-        return self._render(shown, lines, SIZE)
+        return self._render(parts, lines, SIZE)
 
-    def _distance(self, occurrences: Sequence[Occurrence], home: Pose, way: NDArray[np.float64]) -> float:
+    def _distance(self, occurrences: Sequence[Occurrence], to_base: Pose, direction: NDArray[np.float64]) -> float:
         """Return the distance [m] by which a piece is away from its place: its length along its way, and a gap."""
-        boxes = [(home @ self._assembly.rest[one.index]).around(one.box) for one in occurrences if one.box is not None]
+        boxes = [(to_base @ self._assembly.rest[one.index]).around(one.box) for one in occurrences if one.box is not None]
         if not boxes:
-            return CLEAR
+            return CLEARANCE
         corners = np.array(boxes)
-        return float(np.abs(way) @ (corners[:, 1].max(axis=0) - corners[:, 0].min(axis=0))) + CLEAR
+        return float(np.abs(direction) @ (corners[:, 1].max(axis=0) - corners[:, 0].min(axis=0))) + CLEARANCE
 
-    def _render(self, shown: Sequence[_Shown], lines: Sequence[tuple[Vector, Vector]], size: tuple[int, int]) -> str | None:
+    def _render(self, parts: Sequence[_ColoredPart], lines: Sequence[tuple[Vector, Vector]], size: tuple[int, int]) -> str | None:
         import mujoco
 
         from thingc.targets.render import studio
 
         assets: dict[str, bytes] = {}
-        geoms = [geom for one in shown for geom in self._geoms(one, assets)]
+        geoms = [geom for one in parts for geom in self._geoms(one, assets)]
         if not geoms:
             return None
         meshes = "".join(f'<mesh name="{name[:-4]}" file="{name}" inertia="shell"/>' for name in assets)
 
         def text(height: float, thickness: float) -> str:
             drawn = "".join(
-                f'<geom type="capsule" size="{thickness:.6g}" fromto="{_numbers(a)} {_numbers(b)}" rgba="{WAY}"/>' for a, b in lines
+                f'<geom type="capsule" size="{thickness:.6g}" fromto="{_numbers(a)} {_numbers(b)}" rgba="{PATH}"/>' for a, b in lines
             )
             body = f'<body pos="0 0 {height:.6g}">{"".join(geoms)}{drawn}</body>'
             return f"<mujoco><asset>{meshes}</asset><worldbody>{body}</worldbody></mujoco>"
@@ -109,27 +109,27 @@ class Pictures:
         points[:, 2] += height
         model = studio.model_of(text(height, 0.003 * length), assets, size, 0.0, studio.COARSE)
         cameras = [camera_of(points, GRAVITY, Shot(size=size, azimuth=azimuth)) for azimuth in AZIMUTHS]
-        colors = [one.color for one in shown for _ in one.occurrence.drawn]
+        colors = [one.color for one in parts for _ in one.occurrence.drawn]
         first = int(model.body_geomadr[1])  # the floor comes before the geoms of the body
         new = [first + k for k, color in enumerate(colors) if color == NEW]
-        camera = cameras[_clearest(model, [camera.position for camera in cameras], new)]
+        camera = cameras[_clearest_camera(model, [camera.position for camera in cameras], new)]
         middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
         image = studio.render(model, pose_model(model, None), camera, size, middle, 0.75 * length, studio.COARSE)
         return f"data:image/png;base64,{b64encode(encode_png(image)).decode()}"
 
-    def _geoms(self, shown: _Shown, assets: dict[str, bytes]) -> Iterable[str]:
-        for surface in shown.occurrence.drawn:
+    def _geoms(self, part: _ColoredPart, assets: dict[str, bytes]) -> Iterable[str]:
+        for surface in part.occurrence.drawn:
             solid = surface.solid
             if isinstance(solid, Primitive):
-                pose, kind = shown.pose @ surface.pose @ solid.pose, f'type="{solid.shape}" size="{_numbers(solid.size)}"'
+                pose, kind = part.pose @ surface.pose @ solid.pose, f'type="{solid.shape}" size="{_numbers(solid.size)}"'
             else:
                 name = f"{solid.sha256}.obj"
                 assets[name] = self._store.read(solid.sha256)
-                pose, kind = shown.pose @ surface.pose, f"type=\"mesh\" mesh={quoteattr(solid.sha256)}"
-            yield f'<geom {kind} pos="{_numbers(pose.translation)}" quat="{_numbers(pose.quaternion())}" rgba="{shown.color}"/>'
+                pose, kind = part.pose @ surface.pose, f"type=\"mesh\" mesh={quoteattr(solid.sha256)}"
+            yield f'<geom {kind} pos="{_numbers(pose.translation)}" quat="{_numbers(pose.quaternion())}" rgba="{part.color}"/>'
 
 
-def _clearest(model: Any, cameras: Sequence[NDArray[np.float64]], geoms: Sequence[int]) -> int:
+def _clearest_camera(model: Any, cameras: Sequence[NDArray[np.float64]], geoms: Sequence[int]) -> int:
     """Return the index of the first of several positions of the camera from which most of the corners of geoms are visible."""
     import mujoco
 

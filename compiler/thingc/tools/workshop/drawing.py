@@ -74,11 +74,11 @@ def sheet(part: ManufacturedPart, drawn: Drawn, robot: str) -> bytes:
         page.path(places[name].path(view.visible), "visible")
     _add_sizes(page, record.box, places)
     holes = _holes(drawn.features)
-    page.taken += [_around(hole, places[hole.view]) for hole in holes if hole.view is not None]
+    page.taken += [_hole_box(hole, places[hole.view]) for hole in holes if hole.view is not None]
     for index, hole in enumerate(holes, 1):
         if hole.view is not None:
             _add_hole(page, hole, str(index), places[hole.view])
-    for letter, mount in zip(_letters(), record.mounts.values()):
+    for letter, mount in zip(_mount_letters(), record.mounts.values()):
         z = _z_axis(mount.pose)
         name = max(("front", "top", "left"), key=lambda name: round(abs(dot(z, VIEWS[name][0])), 9))
         point = places[name].point(_project(mount.pose.translation, name))
@@ -123,15 +123,15 @@ def _placements(box: tuple[Vector, Vector]) -> tuple[float, dict[str, Placement]
         low, _ = _bounds(box, name)
         places[name] = Placement(1e3 * scale, (left - 1e3 * scale * low[0], bottom + 1e3 * scale * low[1]))
     end_x, end_y = FRAME + room_x - 6.0, FRAME + room_y - 6.0
-    free = ((right, below, end_x, end_y), (FRAME + 6.0, below + scale * depth + gap_y / 2, end_x, end_y))
+    free_cells = ((right, below, end_x, end_y), (FRAME + 6.0, below + scale * depth + gap_y / 2, end_x, end_y))
     low, high = _bounds(box, "isometric")
     sizes = (high[0] - low[0], high[1] - low[1])
-    fits = [min((cell[2] - cell[0]) / sizes[0], (cell[3] - cell[1]) / sizes[1]) for cell in free]
-    cell = free[fits.index(max(fits))]
-    own = min(0.9 * max(fits), 1e3 * scale)
+    cell_scales = [min((cell[2] - cell[0]) / sizes[0], (cell[3] - cell[1]) / sizes[1]) for cell in free_cells]
+    cell = free_cells[cell_scales.index(max(cell_scales))]
+    isometric_scale = min(0.9 * max(cell_scales), 1e3 * scale)
     middle = tuple((low[k] + high[k]) / 2.0 for k in (0, 1))
-    origin = ((cell[0] + cell[2]) / 2.0 - own * middle[0], (cell[1] + cell[3]) / 2.0 + own * middle[1])
-    return scale, {**places, "isometric": Placement(own, origin)}
+    origin = ((cell[0] + cell[2]) / 2.0 - isometric_scale * middle[0], (cell[1] + cell[3]) / 2.0 + isometric_scale * middle[1])
+    return scale, {**places, "isometric": Placement(isometric_scale, origin)}
 
 
 def _on_sheet(point: Point) -> bool:
@@ -163,8 +163,8 @@ def _holes(features: Features) -> list[Hole]:
                 axes.append(group := [])
             group.append(one)
     names = ("top", "front", "left", None)
-    found = [Hole(cylinders=tuple(sorted(group, key=lambda one: one.radius)), view=_view_along(group[0].line.axis)) for group in axes]
-    return sorted(found, key=lambda hole: names.index(hole.view))
+    holes = [Hole(cylinders=tuple(sorted(group, key=lambda one: one.radius)), view=_view_along(group[0].line.axis)) for group in axes]
+    return sorted(holes, key=lambda hole: names.index(hole.view))
 
 
 def _view_along(axis: Vector) -> str | None:
@@ -177,21 +177,21 @@ def _same_line(one: CentreLine, other: CentreLine) -> bool:
 
 def _add_hole(page: SvgPage, hole: Hole, label: str, place: Placement) -> None:
     assert hole.view is not None
-    x, y, right, bottom = _around(hole, place)
+    x, y, right, bottom = _hole_box(hole, place)
     centre = ((x + right) / 2.0, (y + bottom) / 2.0)
     page.line((x - 1.5, centre[1]), (right + 1.5, centre[1]), kind="centre")
     page.line((centre[0], y - 1.5), (centre[0], bottom + 1.5), kind="centre")
     page.label(centre, label, (right - x) / 2.0, boxed=False)
 
 
-def _around(hole: Hole, place: Placement) -> Box:
+def _hole_box(hole: Hole, place: Placement) -> Box:
     assert hole.view is not None
     x, y = place.point(_project(hole.cylinders[0].line.point, hole.view))
     radius = place.scale * hole.cylinders[-1].radius
     return x - radius, y - radius, x + radius, y + radius
 
 
-def _letters() -> Iterator[str]:
+def _mount_letters() -> Iterator[str]:
     """Yield A, B and so on to Z, and then A1, B1 and so on."""
     return (letter + (str(turn) if turn else "") for turn in count() for letter in ascii_uppercase)
 
@@ -203,9 +203,9 @@ def _add_tables(page: SvgPage, part: ManufacturedPart, holes: list[Hole]) -> Non
     page.line((left, FRAME), (left, HEIGHT - FRAME), kind="frame")
     rows = [("Hole", "⌀", "x", "y", "z", "depth")]
     for index, hole in enumerate(holes, 1):
-        rows += [(str(index), _mm(2.0 * one.radius), *_along(one), _depth(one, hole)) for one in hole.cylinders]
+        rows += [(str(index), _mm(2.0 * one.radius), *_coordinate_texts(one), _depth(one, hole)) for one in hole.cylinders]
     mounts: list[tuple[str, ...]] = [("Mount", "name", "x", "y", "z", "direction")]
-    for letter, (name, mount) in zip(_letters(), record.mounts.items()):
+    for letter, (name, mount) in zip(_mount_letters(), record.mounts.items()):
         mounts.append((letter, name, *map(_mm, mount.pose.translation), _direction(_z_axis(mount.pose))))
     share = (bottom - top - 14.0) / (len(rows) + len(mounts))
     page.text((left + 2.0, top), "Holes [mm], from the origin of the part", "head")
@@ -215,7 +215,7 @@ def _add_tables(page: SvgPage, part: ManufacturedPart, holes: list[Hole]) -> Non
     page.line((left, bottom), (right, bottom), kind="frame")
 
 
-def _along(cylinder: Cylinder) -> tuple[str, str, str]:
+def _coordinate_texts(cylinder: Cylinder) -> tuple[str, str, str]:
     """Format the coordinates of a hole. The coordinate along its axis is a range."""
     low, high = (add_scaled(cylinder.line.point, cylinder.line.axis, end) for end in (cylinder.lower, cylinder.upper))
     x, y, z = (_mm(a) if abs(a - b) < 1e-9 else f"{_mm(min(a, b))} to {_mm(max(a, b))}" for a, b in zip(low, high, strict=True))
@@ -225,8 +225,8 @@ def _along(cylinder: Cylinder) -> tuple[str, str, str]:
 def _depth(cylinder: Cylinder, hole: Hole) -> str:
     """Format the depth of a hole. A hole that ends at a narrower hole is a counterbore, which has a depth."""
     ends = {round(end, 7) for one in hole.cylinders if one.radius < cylinder.radius for end in (one.lower, one.upper)}
-    sunk = ends & {round(cylinder.lower, 7), round(cylinder.upper, 7)}
-    return "through" if cylinder.through and not sunk else _mm(cylinder.upper - cylinder.lower)
+    is_counterbore = bool(ends & {round(cylinder.lower, 7), round(cylinder.upper, 7)})
+    return "through" if cylinder.through and not is_counterbore else _mm(cylinder.upper - cylinder.lower)
 
 
 def _direction(axis: Vector) -> str:

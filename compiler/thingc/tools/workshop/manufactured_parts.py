@@ -74,11 +74,11 @@ def compute_parts(
 
 def manufactured_parts(assembly: Assembly) -> list[ManufacturedPart]:
     """Return the parts with geometry that are not bought. Parts with equal names are named after their definitions and materials."""
-    made = [
+    manufactured = [
         one for one in assembly.occurrences
         if isinstance(one.component.definition, PartDefinition) and one.record is not None and one.record.box and make_of(one) != "buy"
     ]
-    groups = list(group_by(made, lambda one: (one.definition, one.material and one.material.name)).values())
+    groups = list(group_by(manufactured, lambda one: (one.definition, one.material and one.material.name)).values())
     names = [_simple(plain_name(group[0])) for group in groups]
     owners: dict[str, set[object]] = {}
     for name, group in zip(names, groups, strict=True):

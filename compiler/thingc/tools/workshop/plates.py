@@ -176,17 +176,17 @@ def encode_3mf(plate: Plate) -> bytes:
     SubElement(model, "metadata", name="slic3rpe:Version3mf").text = "1"
     resources, build, config = SubElement(model, "resources"), SubElement(model, "build"), Element("config")
     materials = SubElement(resources, "basematerials", id="1")
-    known = list(dict.fromkeys(_material(one.first) for one, _ in plate))
-    for name, color in known:
+    colored_materials = list(dict.fromkeys(_material(print_.first) for print_, _ in plate))
+    for name, color in colored_materials:
         SubElement(materials, "base", name=name, displaycolor=color)
     numbers: dict[str, str] = {}
-    for one, place in plate:
-        if one.name not in numbers:
-            number = numbers[one.name] = str(len(numbers) + 2)
-            colour = str(known.index(_material(one.first)))
-            _add_mesh(SubElement(resources, "object", id=number, name=one.name, type="model", pid="1", pindex=colour), one)
-            _add_settings(config, number, one, sum(other is one for other, _ in plate))
-        SubElement(build, "item", objectid=numbers[one.name], transform=_transform(one, place))
+    for print_, place in plate:
+        if print_.name not in numbers:
+            number = numbers[print_.name] = str(len(numbers) + 2)
+            colour = str(colored_materials.index(_material(print_.first)))
+            _add_mesh(SubElement(resources, "object", id=number, name=print_.name, type="model", pid="1", pindex=colour), print_)
+            _add_settings(config, number, print_, sum(other is print_ for other, _ in plate))
+        SubElement(build, "item", objectid=numbers[print_.name], transform=_transform(print_, place))
     stream = BytesIO()
     with ZipFile(stream, "w") as archive:
         for path, content in (("[Content_Types].xml", _TYPES), ("_rels/.rels", _RELATIONSHIPS)):
@@ -215,20 +215,20 @@ _RELATIONSHIPS = f"""\
 """
 
 
-def _add_mesh(made: Element, one: Print) -> None:
-    mesh = SubElement(made, "mesh")
+def _add_mesh(element: Element, print_: Print) -> None:
+    mesh = SubElement(element, "mesh")
     vertices, triangles = SubElement(mesh, "vertices"), SubElement(mesh, "triangles")
-    for x, y, z in one.vertices.round(6).tolist():
+    for x, y, z in print_.vertices.round(6).tolist():
         SubElement(vertices, "vertex", x=repr(x), y=repr(y), z=repr(z))
-    for first, second, third in one.faces.tolist():
+    for first, second, third in print_.faces.tolist():
         SubElement(triangles, "triangle", v1=str(first), v2=str(second), v3=str(third))
 
 
-def _transform(one: Print, place: tuple[int, int]) -> str:
+def _transform(print_: Print, place: tuple[int, int]) -> str:
     """Format the transform of a print to its place on the bed, as the rows of a matrix for multiplication from the left [mm]."""
     x, y = (corner / STEPS + GAP / 2.0 for corner in place)
-    rotation = "0 1 0 -1 0 0 0 0 1" if one.sideways else "1 0 0 0 1 0 0 0 1"
-    return f"{rotation} {x + (one.vertices[:, 1].max() if one.sideways else 0.0):.6g} {y:.6g} 0"
+    rotation = "0 1 0 -1 0 0 0 0 1" if print_.sideways else "1 0 0 0 1 0 0 0 1"
+    return f"{rotation} {x + (print_.vertices[:, 1].max() if print_.sideways else 0.0):.6g} {y:.6g} 0"
 
 
 def _material(occurrence: Occurrence) -> tuple[str, str]:
@@ -248,11 +248,11 @@ def settings_of(occurrence: Occurrence) -> dict[str, str]:
     }
 
 
-def _add_settings(config: Element, number: str, one: Print, instances: int) -> None:
+def _add_settings(config: Element, number: str, print_: Print, instances: int) -> None:
     """Add the settings of an object in the format of PrusaSlicer, with its only volume, which contains all faces."""
-    made = SubElement(config, "object", id=number, instances_count=str(instances))
-    for key, value in {"name": one.name, **settings_of(one.first)}.items():
-        SubElement(made, "metadata", type="object", key=key, value=value)
-    volume = SubElement(made, "volume", firstid="0", lastid=str(len(one.faces) - 1))
-    for key, value in {"name": one.name, "volume_type": "ModelPart"}.items():
+    element = SubElement(config, "object", id=number, instances_count=str(instances))
+    for key, value in {"name": print_.name, **settings_of(print_.first)}.items():
+        SubElement(element, "metadata", type="object", key=key, value=value)
+    volume = SubElement(element, "volume", firstid="0", lastid=str(len(print_.faces) - 1))
+    for key, value in {"name": print_.name, "volume_type": "ModelPart"}.items():
         SubElement(volume, "metadata", type="volume", key=key, value=value)

@@ -46,25 +46,25 @@ class PrintMeasurements(FrozenStruct):
     better_support: float | None
 
 
-def measure_print(one: Print) -> PrintMeasurements:
+def measure_print(print_: Print) -> PrintMeasurements:
     """Measure a print. Times and costs are estimates without support."""
-    vertices, faces = upright(one.stl, UPRIGHT)
+    vertices, faces = upright(print_.stl, UPRIGHT)
     solid = PrintSolid(vertices, faces)
-    (area, support), (up, least) = solid.support(one.up), solid.least_support()
+    (area, support), (up, least) = solid.support(print_.up), solid.least_support()
     better = least < 0.8 * support
-    mass, material = one.first.properties.mass, one.first.material or Material(name="", density=None, origin=())
-    process = process_of(one.first.component, one.first.material)
+    mass, material = print_.first.properties.mass, print_.first.material or Material(name="", density=None, origin=())
+    process = process_of(print_.first.component, print_.first.material)
     volume = mass / material.density if material.density else None
     wall, width, layer, time = thinnest_wall(solid, float(np.linalg.norm(vertices.max(axis=0)))), process.line_width, process.layer, None
-    x, y, z = (1e-3 * float(length) for length in one.vertices.max(axis=0).round(4))
-    if volume is not None and width is not None and layer is not None and one.first.record is not None:
+    x, y, z = (1e-3 * float(length) for length in print_.vertices.max(axis=0).round(4))
+    if volume is not None and width is not None and layer is not None and print_.first.record is not None:
         section = layer * (width - layer * (1.0 - math.pi / 4.0))  # of a line with round sides, as PrusaSlicer computes it
-        walls = min(volume, one.first.record.area * (process.walls or 0) * width)
+        walls = min(volume, print_.first.record.area * (process.walls or 0) * width)
         lines = (walls + (volume - walls) / INFILL_SPEED) / section
         time = lines / (process.speed or SPEED) + round(z / layer) * (process.layer_time or LAYER_TIME)
     amount, _, currency = (material.price_per_kg or "").partition(" ")
     return PrintMeasurements(
-        part=one.label, number=one.count, up=one.up, size=(x, y, z), overhang=1e-6 * area, support=1e-9 * support, mass=mass,
+        part=print_.label, number=print_.count, up=print_.up, size=(x, y, z), overhang=1e-6 * area, support=1e-9 * support, mass=mass,
         thinnest_wall=None if wall is None else 1e-3 * wall, thin=wall is not None and width is not None and 1e-3 * wall < 2.0 * width,
         filament=None if volume is None else volume / (math.pi * (FILAMENT / 2.0) ** 2), time=time,
         cost=f"{float(amount) * mass:.2f} {currency}" if currency else None,

@@ -139,12 +139,12 @@ class SvgPage:
         ]
         box = next((one for one in boxes if not any(_overlap(one, other) for other in self.taken)), boxes[0])
         self.taken.append(box)
-        middle = ((box[0] + box[2]) / 2.0, (box[1] + box[3]) / 2.0)
-        far = dist(place, middle)
-        start = (place[0] + (middle[0] - place[0]) * distance / far, place[1] + (middle[1] - place[1]) * distance / far)
-        self.line(start, middle)
+        centre = ((box[0] + box[2]) / 2.0, (box[1] + box[3]) / 2.0)
+        far = dist(place, centre)
+        start = (place[0] + (centre[0] - place[0]) * distance / far, place[1] + (centre[1] - place[1]) * distance / far)
+        self.line(start, centre)
         self.rectangle(box, "label" if boxed else "number")
-        self.text((middle[0], middle[1] + 1.05), text, "", "middle")
+        self.text((centre[0], centre[1] + 1.05), text, "", "middle")
 
     def table(self, place: Point, widths: Sequence[float], rows: Sequence[Sequence[str]], bottom: float) -> float:
         """Add a table, whose first row is its head. Return its lower end, which is above `bottom` for any number of rows."""

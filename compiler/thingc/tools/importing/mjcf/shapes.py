@@ -41,11 +41,8 @@ class Geoms:
 
     def of(self, body: int) -> tuple[SourceShape, ...]:
         """Return the visual and collision shapes of a body in source order, without planes of the world."""
-        shapes: list[SourceShape] = []
-        for geom in self.original.geoms_of[body]:
-            if body or self.model.geom_type[geom]:
-                shapes += self._shapes(geom)
-        return tuple(shapes)
+        geoms = (geom for geom in self.original.geoms_of[body] if body or self.model.geom_type[geom])
+        return tuple(shape for geom in geoms for shape in self._shapes(geom))
 
     def _shapes(self, geom: int) -> list[SourceShape]:
         """Return a visual shape for a visible geom, and a collision shape for a geom that can collide."""
@@ -64,7 +61,7 @@ class Geoms:
         visual = SourceShape(kind=kind, use="visual", size=size, pose=pose, where=where, mesh=mesh, color=color, name=name)
         touching = replace(visual, use="collision", color=None, friction=friction, raw=self._raw(geom, friction))
         self.shown |= {geom} if drawn or touches else set()
-        return [one for one, there in ((visual, drawn), (touching, touches)) if there]
+        return [one for one, exists in ((visual, drawn), (touching, touches)) if exists]
 
     def _color(self, geom: int) -> tuple[float, float, float, float] | None:
         """Return the RGBA colour of a geom or of its material, or None for MuJoCo's default colour."""
