@@ -262,9 +262,9 @@ class BackgroundWorkers:
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._requested or self._ended)
-                quiet = time.monotonic() + QUIET
-                while not self._ended and self._requested.definitions and self._changed.wait(max(0.0, quiet - time.monotonic())):
-                    quiet = time.monotonic() + QUIET
+                build_at = time.monotonic() + QUIET
+                while not self._ended and self._requested.definitions and self._changed.wait(max(0.0, build_at - time.monotonic())):
+                    build_at = time.monotonic() + QUIET
                 if self._ended:
                     return
                 work = self._running = self._requested

@@ -78,8 +78,8 @@ def as_protocol(diagnostic: Diagnostic, span: Span | None, analysis: Analysis) -
 
     The help text is a separate line of the message. Notes with a source location become related information.
     """
-    loose = [note.message for note in diagnostic.notes if note.span is None]
-    words = [diagnostic.message, *([] if diagnostic.advice is None else [diagnostic.advice]), *loose]
+    notes = [note.message for note in diagnostic.notes if note.span is None]
+    lines = [diagnostic.message, *([] if diagnostic.advice is None else [diagnostic.advice]), *notes]
     related = [
         {
             "location": {"uri": analysis.uri(note.span.file), "range": analysis.lines(note.span.file).range(note.span)},
@@ -89,7 +89,7 @@ def as_protocol(diagnostic: Diagnostic, span: Span | None, analysis: Analysis) -
     ]
     return {
         "range": _TOP if span is None else analysis.lines(span.file).range(span),
-        "severity": _SEVERITY[diagnostic.severity], "code": diagnostic.code.code, "source": "thingc", "message": "\n".join(words),
+        "severity": _SEVERITY[diagnostic.severity], "code": diagnostic.code.code, "source": "thingc", "message": "\n".join(lines),
         **({"relatedInformation": related} if related else {}),
     }
 
@@ -114,14 +114,14 @@ def actions(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any
 def _fixes(diagnostic: Diagnostic, analysis: Analysis) -> Iterator[dict[str, Any]]:
     for fix in diagnostic.fixes:
         file = fix.span.file
-        stretch = locate_edit(fix, analysis.text_of(file)) if is_document_path(file) else None
-        if stretch is not None:
-            edit = {"range": analysis.lines(file).range_of(*stretch), "newText": fix.replacement}
-            sure = any((one.file, one.start, one.end) == (file, *stretch) for one in _sure(diagnostic, analysis))
-            yield _action(f"replace `{fix.written}` with `{fix.replacement}`", diagnostic, analysis, file, [edit], preferred=sure)
+        edit_range = locate_edit(fix, analysis.text_of(file)) if is_document_path(file) else None
+        if edit_range is not None:
+            edit = {"range": analysis.lines(file).range_of(*edit_range), "newText": fix.replacement}
+            is_safe = any((one.file, one.start, one.end) == (file, *edit_range) for one in _safe_fixes(diagnostic, analysis))
+            yield _action(f"replace `{fix.written}` with `{fix.replacement}`", diagnostic, analysis, file, [edit], preferred=is_safe)
 
 
-def _sure(diagnostic: Diagnostic, analysis: Analysis) -> list[TextEdit]:
+def _safe_fixes(diagnostic: Diagnostic, analysis: Analysis) -> list[TextEdit]:
     """Return the edits with which `thingc check --fix` would fix a diagnostic."""
     documents = () if analysis.documents is None else tuple(analysis.documents.by_path.values())
     return safe_edits(

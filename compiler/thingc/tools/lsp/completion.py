@@ -106,7 +106,7 @@ class _CompletionRequest:
         self.offset = offset
         self.cursor = cursor
         self.walk = walk
-        self.found = {finding.code.code for finding in analysis.findings}
+        self.reported_codes = {finding.code.code for finding in analysis.findings}
 
     # --- keys ---------------------------------------------------------------------------------------------------------
 
@@ -115,8 +115,8 @@ class _CompletionRequest:
         for number, offer in enumerate(self.walk.key_offers(self.cursor.path)):
             if self.cursor.header and not offer.mapping:
                 continue
-            full = self.cursor.path[-1:] == ("attach",) and offer.name == "mount"
-            rank = 0 if offer.required or offer.name in self.found else 3000 if full else 1000 if offer.name in _USUAL else 2000
+            is_full = self.cursor.path[-1:] == ("attach",) and offer.name == "mount"
+            rank = 0 if offer.required or offer.name in self.reported_codes else 3000 if is_full else 1000 if offer.name in _USUAL else 2000
             yield self._item(
                 offer.name, self._key_text(offer), _PROPERTY, rank=rank + number,
                 detail="required" if offer.required else "", description=offer.description,
@@ -162,8 +162,8 @@ class _CompletionRequest:
             if isinstance(value, bool):
                 yield self._item(word := str(value).lower(), word, _VALUE, rank=number)
             elif not self._refers_to_edited(value):
-                deep = 500 * max(0, value.count(".") - 1) if "/" not in value and ":" not in value else 0
-                rank = number + deep + (2000 if self._is_used(value) else 1000 if value.endswith(".origin") else 0)
+                depth_penalty = 500 * max(0, value.count(".") - 1) if "/" not in value and ":" not in value else 0
+                rank = number + depth_penalty + (2000 if self._is_used(value) else 1000 if value.endswith(".origin") else 0)
                 yield self._word(value, rank=rank, description=description)
         yield from self._repeat_references()
         dimensions = self._dimensions()
@@ -215,9 +215,9 @@ class _CompletionRequest:
         if not mounts and self.walk.takes_mounts(self.cursor.path):  # the last parsable text does not contain the component
             mounts = dict(self.walk.mounts_of(head.rstrip(".")))
         for number, (word, description) in enumerate(mounts.items()):
-            rest = word[len(head) :]
-            rank = number + (2000 if self._is_used(word) else 0) + (1000 if "." in rest else 0) + (500 if rest == "origin" else 0)
-            item = self._item(rest, rest, _REFERENCE, rank=rank, detail=mount_frame_text(self.analysis, word), description=description)
+            suffix = word[len(head) :]
+            rank = number + (2000 if self._is_used(word) else 0) + (1000 if "." in suffix else 0) + (500 if suffix == "origin" else 0)
+            item = self._item(suffix, suffix, _REFERENCE, rank=rank, detail=mount_frame_text(self.analysis, word), description=description)
             yield replace(item, start=start)
         for one in self._repeat_references():
             if one.label.startswith(head):
@@ -236,12 +236,12 @@ class _CompletionRequest:
             name = "" if match is None else f"{match[1]}${index}{match[2] or ''}"
             if match is not None and not self._refers_to_edited(name):
                 numbered[name] = numbered.get(name, 0) + 1
-        wanted = evaluate_expression(
+        count_values = evaluate_expression(
             self.analysis, (*path[:2], "repeat", "count"), self.cursor.scalars.get((*path[:2], "repeat", "count"), ""),
         )
-        least = wanted[0].value if wanted and isinstance(wanted[0], Quantity) else 2
+        needed = count_values[0].value if count_values and isinstance(count_values[0], Quantity) else 2
         for name, count in numbered.items():
-            if count >= max(2, least):
+            if count >= max(2, needed):
                 yield self._item(
                     name, self._quoted(name), _REFERENCE, rank=1000 if name.endswith(".origin") else -1, detail=f"{count} of them",
                 )

@@ -65,8 +65,8 @@ def _of_value(analysis: Analysis, cursor: Cursor, written: str) -> str:
     if written.startswith("="):
         at = re.search(r"[A-Za-z]\w*$|$", cursor.typed)
         word = re.match(r"[A-Za-z]\w*|", written[at.start() if at is not None else 0 :])
-        own = _of_parameter(analysis, word.group()) if word is not None and written != f"={word.group()}" else ""
-        return "\n\n".join((f"`{written}` = **{format_values(values)}**", *([own] if own else [])))
+        parameter_text = _of_parameter(analysis, word.group()) if word is not None and written != f"={word.group()}" else ""
+        return "\n\n".join((f"`{written}` = **{format_values(values)}**", *([parameter_text] if parameter_text else [])))
     value = " ".join(f"{one.value:.6g} {one.dimension.symbol}".strip() for one in values if isinstance(one, Quantity))
     return "" if value == written.strip() else f"`{written}` = {value}"
 

@@ -46,8 +46,8 @@ class _Names:
         """Return the name at a position of the text, or None if the position is not inside a name."""
         path = self.analysis.path
         cursor = Span(file=path, line=place.line, column=place.column, end_line=place.line, end_column=place.column)
-        then = map_spans(self.analysis.text, self.analysis.known.text)(cursor)
-        return None if then is None else self.workspace_index.index.at(path, then.line, then.column)
+        position = map_spans(self.analysis.text, self.analysis.known.text)(cursor)
+        return None if position is None else self.workspace_index.index.at(path, position.line, position.column)
 
     def range(self, span: Span) -> Any:
         """Return the LSP range of a span. Return None if the line of the span has changed since the text was parsed."""
@@ -57,7 +57,7 @@ class _Names:
     def locations(self, spans: Iterable[Span]) -> list[dict[str, Any]]:
         """Convert spans to LSP locations in the same order."""
         places = ((span, self.range(span)) for span in dict.fromkeys(spans))
-        return [{"uri": self.analysis.uri(span.file), "range": there} for span, there in places if there is not None]
+        return [{"uri": self.analysis.uri(span.file), "range": range_} for span, range_ in places if range_ is not None]
 
 
 def _names(analysis: Analysis, *, near: bool = False) -> _Names | None:
@@ -177,18 +177,18 @@ def _symbols_in(analysis: Analysis, mapping: Node | None, kind: int | None) -> l
     """Convert the keys of a mapping to LSP symbols of a `kind`. If `kind` is None, the keys are the names of sections."""
     if not isinstance(mapping, MappingNode):
         return []
-    listed = []
+    symbols = []
     lines = analysis.lines()
     for key, node in mapping.entries.items():
-        inside = _KINDS.get(key.removesuffix("s")) if kind is None else None
-        name, whole = analysis.current_span(mapping.keys[key]), analysis.current_span(_around(mapping.keys[key], node))
-        if key and name is not None and whole is not None:
-            listed.append({
+        inner_kind = _KINDS.get(key.removesuffix("s")) if kind is None else None
+        name, extent = analysis.current_span(mapping.keys[key]), analysis.current_span(_around(mapping.keys[key], node))
+        if key and name is not None and extent is not None:
+            symbols.append({
                 "name": key, "kind": _MODULE if kind is None else kind, "detail": _detail(node),
-                "range": lines.range(whole), "selectionRange": lines.range(name),
-                "children": _symbols_in(analysis, node, inside) if inside is not None else [],
+                "range": lines.range(extent), "selectionRange": lines.range(name),
+                "children": _symbols_in(analysis, node, inner_kind) if inner_kind is not None else [],
             })
-    return listed
+    return symbols
 
 
 def folds(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
@@ -224,19 +224,19 @@ def tokens(analysis: Analysis, text: str, place: TextPlace, params: Any) -> Any:
         return None
     declared = DocumentNames(known.documents.root)
     parameters = declared.section("parameters") if known.kind == "assembly" else {}
-    coloured: list[tuple[int, int, int, int]] = []
+    found: list[tuple[int, int, int, int]] = []
     for mention in declared.occurrences:
         if mention.names in (RefersTo("expression"), RefersTo("rule")):
             for start, end, kind in _words(mention.text, mention.names == RefersTo("rule"), parameters):
                 span = declared.narrow_span(declared.span_of(mention), mention.text, start, end)
-                now = analysis.current_span(span) if span is not None else None
-                if now is not None:
-                    there = analysis.lines().range(now)
-                    first, last = there["start"], there["end"]
-                    coloured.append((first["line"], first["character"], last["character"] - first["character"], TOKENS.index(kind)))
+                current = analysis.current_span(span) if span is not None else None
+                if current is not None:
+                    range_of_token = analysis.lines().range(current)
+                    first, last = range_of_token["start"], range_of_token["end"]
+                    found.append((first["line"], first["character"], last["character"] - first["character"], TOKENS.index(kind)))
     data: list[int] = []
     line = character = 0
-    for one in sorted(set(coloured)):
+    for one in sorted(set(found)):
         data += [one[0] - line, one[1] - (character if one[0] == line else 0), one[2], one[3], 0]
         line, character = one[0], one[1]
     return {"data": data}

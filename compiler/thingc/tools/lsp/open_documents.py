@@ -193,9 +193,9 @@ class OpenDocuments:
         diagnostics_of: dict[str, list[dict[str, Any]]] = {}
         for analysis in analyses:
             for file, diagnostics in by_file(analysis).items():
-                of_file = diagnostics_of.setdefault(file, [])
+                merged = diagnostics_of.setdefault(file, [])
                 if analysis.open.get(file) is self.texts.get(file):  # otherwise the diagnostics refer to an older text
-                    of_file.extend(one for one in diagnostics if one not in of_file)
+                    merged.extend(one for one in diagnostics if one not in merged)
         for file in dict.fromkeys((path, *diagnostics_of, *self._published)):
             diagnostics = diagnostics_of.get(file, [])
             if file == path or diagnostics != self._published.get(file, []):

@@ -115,19 +115,19 @@ class SchemaWalk:
         definition: Schema = self.schema.get("$defs", {}).get(name, {})
         return definition
 
-    def _flat(self, schema: Any, path: Path, met: tuple[str, ...] = ()) -> list[Schema]:
+    def _flat(self, schema: Any, path: Path, followed: tuple[str, ...] = ()) -> list[Schema]:
         """Return a subschema, all schemas to which the subschema refers, and the branches of conditions that apply to the document."""
         if not isinstance(schema, dict):
             return []
         flats = [schema]
         reference = schema.get("$ref")
-        if isinstance(reference, str) and reference not in met:
-            flats += self._flat(self._resolve(reference), path, (*met, reference))
+        if isinstance(reference, str) and reference not in followed:
+            flats += self._flat(self._resolve(reference), path, (*followed, reference))
         for word in ("allOf", "anyOf", "oneOf"):
             for branch in schema.get(word, ()):
-                flats += self._flat(branch, path, met)
+                flats += self._flat(branch, path, followed)
         if "if" in schema:
-            flats += self._flat(schema.get("then" if self._applies(schema["if"], path) else "else"), path, met)
+            flats += self._flat(schema.get("then" if self._applies(schema["if"], path) else "else"), path, followed)
         return flats
 
     def _resolve(self, reference: str) -> Any:
@@ -174,15 +174,15 @@ def _can_add_key(schema: Schema, name: str, present: set[str]) -> bool:
     """Return whether a key can be added to a mapping that already has the keys `present`. Only rules about keys are checked."""
     if name not in schema.get("properties", {}):
         return True
-    together = {*present, name}
-    if together >= set(schema.get("not", {}).get("required", ("",))):
+    keys = {*present, name}
+    if keys >= set(schema.get("not", {}).get("required", ("",))):
         return False
     choices = [set(branch["required"]) for branch in schema.get("oneOf", ()) if set(branch) == {"required"}]
-    if sum(together >= choice for choice in choices) > 1 or len(together) > schema.get("maxProperties", len(together)):
+    if sum(keys >= choice for choice in choices) > 1 or len(keys) > schema.get("maxProperties", len(keys)):
         return False
-    for one in together:
+    for one in keys:
         rule = schema.get("dependentSchemas", {}).get(one, {})
-        if together >= set(rule.get("not", {}).get("required", ("",))):
+        if keys >= set(rule.get("not", {}).get("required", ("",))):
             return False
         needs = [rule, *(branch for branch in rule.get("anyOf", ()) if "required" in branch)]
         if one == name and any(not present >= set(need.get("required", ())) for need in needs):

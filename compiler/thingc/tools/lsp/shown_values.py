@@ -87,12 +87,12 @@ def format_values(values: tuple[ExpressionValue, ...]) -> str:
 
 
 def _parameter_values(tree: MappingNode | None) -> dict[str, ExpressionValue]:
-    waiting = {} if tree is None else {name: one.value for name, one in symbols_of(tree).parameters.items()}
+    texts = {} if tree is None else {name: one.value for name, one in symbols_of(tree).parameters.items()}
     known: dict[str, ExpressionValue] = {}
     count = -1
     while count < len(known):  # parameters can be in any order: each iteration evaluates parameters whose names are known
         count = len(known)
-        for name, text in waiting.items():
+        for name, text in texts.items():
             if name not in known and (value := parse_expression_value(text, known)) is not None:
                 known[name] = value
     return known
