@@ -122,8 +122,8 @@ def _new_part(arguments: argparse.Namespace, documents: Documents | None, refere
 
     If the module does not exist, create it.
     """
-    told, _, class_name = reference.partition(":")
-    module, name = _identifier(told), _class_name(class_name)
+    module_name, _, class_name = reference.partition(":")
+    module, name = _identifier(module_name), _class_name(class_name)
     if keyword.iskeyword(name) or name in _bound_names(parse_python(new_part("_", None))):
         raise console.WrongCommandLine(f"`{name}` is not available as the name of a class", "choose another name")
     component = arguments.component or _snake(name)

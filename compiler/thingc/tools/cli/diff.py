@@ -122,13 +122,13 @@ def fail_on(words: Sequence[str]) -> frozenset[str]:
     return frozenset(named)
 
 
-def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: Options, stack: ExitStack) -> DiffResult:
+def _answer(arguments: argparse.Namespace, request: ComparisonRequest, options: Options, stack: ExitStack) -> DiffResult:
     """Compare the old and the new state of the documents, and return the result.
 
     Raises `BrokenSide`, `UnknownComparison`, `NotARepository`, `NoGraphics` and `WrongCommandLine`.
     """
     options = replace(options, lock=arguments.no_code, code=not arguments.no_code)
-    names = (wanted.old.name, wanted.new.name)
+    names = (request.old.name, request.new.name)
     tests, draw = not (arguments.no_tests or arguments.no_code), bool(arguments.html or arguments.pictures)
     if draw and options.code:
         ready()  # call this before the tests import MuJoCo, because MuJoCo selects its graphics library at import
@@ -140,7 +140,7 @@ def _answer(arguments: argparse.Namespace, wanted: ComparisonRequest, options: O
 
         console.refuse_modules_of_others()
         work = partial(_compare_sandboxed, work, console.time_of("--time-limit", arguments.time_limit))
-    return compare_documents(*names, laid_out(wanted, stack, code=options.code), work)
+    return compare_documents(*names, laid_out(request, stack, code=options.code), work)
 
 
 def _compare_sandboxed(work: Callable[[DocumentPair], Comparison], seconds: float, both: DocumentPair) -> Comparison:

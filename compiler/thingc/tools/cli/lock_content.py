@@ -44,8 +44,8 @@ def create_lock(
     }
     defaults = [definition for schema in things.values() if (definition := schema.default) is not None]
     used = {definition.text: definition for definition in definitions}
-    wanted = {**{definition.text: definition for definition in defaults}, **used}
-    modelled = [wanted[text] for text in sorted(wanted)]
+    all_definitions = {**{definition.text: definition for definition in defaults}, **used}
+    modelled = [all_definitions[text] for text in sorted(all_definitions)]
     records = geometry.slice(modelled, geometry.realize(modelled), slicings)
     failures += [
         replace(answer, subject=used[text].label) for text, answer in records.items() if isinstance(answer, PartFailure) and text in used
@@ -54,7 +54,7 @@ def create_lock(
     values = {
         "thingc": VERSION,
         "things": {
-            reference: _thing(geometry, schema, [d for d in wanted.values() if d.reference == reference and d.text in good], good)
+            reference: _thing(geometry, schema, [d for d in all_definitions.values() if d.reference == reference and d.text in good], good)
             for reference, schema in sorted(things.items())
         },
         "files": {

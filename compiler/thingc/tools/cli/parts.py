@@ -66,15 +66,15 @@ def run(arguments: argparse.Namespace) -> int:
     return console.print_result(arguments, diagnostics, lines, parts=[_as_data(schema, record) for schema, record in listed])
 
 
-def _list_parts(geometry: GeometryService, wanted: list[str], report: Report) -> list[tuple[PartSchema, PartRecord | None]]:
-    references = _parts_named(geometry, wanted) if wanted else geometry.catalogue()
-    if not wanted:
+def _list_parts(geometry: GeometryService, requested: list[str], report: Report) -> list[tuple[PartSchema, PartRecord | None]]:
+    references = _parts_named(geometry, requested) if requested else geometry.catalogue()
+    if not requested:
         report.diagnostics.extend(unreadable(failure.subject, "read", failure) for failure in geometry.not_python())
     report_hidden(geometry, ((reference, None) for reference in references), report)
-    return _describe_parts(geometry, references, wanted, report)
+    return _describe_parts(geometry, references, requested, report)
 
 
-def _locked_parts(workspace: Workspace, wanted: list[str], report: Report) -> list[tuple[PartSchema, PartRecord | None]]:
+def _locked_parts(workspace: Workspace, requested: list[str], report: Report) -> list[tuple[PartSchema, PartRecord | None]]:
     """Return the parts in the lock file, without running their code. Raises `WrongCommandLine` for an unknown name."""
     from thingc.geometry.lock.lock import read_lock, report_bad, report_missing
     from thingc.geometry.lock.reader import LockOnlyGeometry
@@ -84,18 +84,18 @@ def _locked_parts(workspace: Workspace, wanted: list[str], report: Report) -> li
         report_missing(workspace, report)
         return []
     geometry, references = LockOnlyGeometry(workspace, lock), sorted(lock.things)
-    for word in wanted:
+    for word in requested:
         if not _matching(word, references):
             raise console.WrongCommandLine(f"`parts.lock.json` does not contain `{word}`", did_you_mean(word, references, what="parts"))
-    chosen = sorted({one for word in wanted for one in _matching(word, references)}) if wanted else references
-    listed = _describe_parts(geometry, chosen, wanted, report)
+    chosen = sorted({one for word in requested for one in _matching(word, references)}) if requested else references
+    listed = _describe_parts(geometry, chosen, requested, report)
     for fault in geometry.broken:
         report_bad(lock.file, fault, report)
     return listed
 
 
 def _describe_parts(
-    geometry: PartSource, references: Sequence[str], wanted: Sequence[str], report: Report,
+    geometry: PartSource, references: Sequence[str], requested: Sequence[str], report: Report,
 ) -> list[tuple[PartSchema, PartRecord | None]]:
     """Return the schemas of parts, and the records for their default parameters. Errors in parts are added to the report."""
     schemas: list[PartSchema] = []
@@ -103,9 +103,9 @@ def _describe_parts(
     for reference in references:  # the results are in the order in which they were finished
         answer = answers[reference]
         if isinstance(answer, PartSchema):
-            if answer.kind == "thing" or wanted:
+            if answer.kind == "thing" or requested:
                 schemas.append(answer)
-        elif answer.kind not in NO_PARTS or reference in wanted:
+        elif answer.kind not in NO_PARTS or reference in requested:
             report.diagnostics.append(unreadable(reference, "read", answer))
     definitions = {schema.reference: schema.default for schema in schemas}
     records = geometry.realize([definition for definition in definitions.values() if definition is not None])

@@ -150,18 +150,18 @@ def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) 
     return list({(mark.label, mark.body, mark.pose, mark.ink): mark for mark in marks}.values())
 
 
-def _pose(robot: Robot, wanted: str | None, document: str) -> str | None:
+def _pose(robot: Robot, requested: str | None, document: str) -> str | None:
     """Return the name of the keyframe to render, or None if the robot has no keyframes. Raises `UnknownChoice` for an unknown keyframe.
 
     A keyframe on the command line has precedence over the keyframe of the mode. The default is the first keyframe.
     """
     known = [frame.name for frame in robot.keyframes]
-    if wanted is None:
+    if requested is None:
         return known[0] if known else None
-    if wanted not in known:
-        message = f"mode `{robot.mode.name}` of `{shown_path(document)}` has no pose `{wanted}`"
-        raise UnknownChoice(message, did_you_mean(wanted, known, what="poses"))
-    return wanted
+    if requested not in known:
+        message = f"mode `{robot.mode.name}` of `{shown_path(document)}` has no pose `{requested}`"
+        raise UnknownChoice(message, did_you_mean(requested, known, what="poses"))
+    return requested
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -64,16 +64,16 @@ def _answer(arguments: argparse.Namespace, environment: Environment) -> list[Dia
     return diagnostics
 
 
-def _reason(compilation: Compilation, wanted: str) -> None:
+def _reason(compilation: Compilation, requested: str) -> None:
     assembly = compilation.assembly
     if assembly is None:
         return
     by_path = {o.path: o for o in assembly.occurrences}
-    path = wanted.replace(".", "/")
+    path = requested.replace(".", "/")
     if path not in by_path:
         inside = [p for p in by_path if p.startswith(path + "/")]
         hint = f"it is an assembly; its parts are {', '.join(f'`{p}`' for p in inside)}" if inside else did_you_mean(path, by_path)
-        raise console.WrongCommandLine(f"there is no occurrence `{wanted}`", hint)
+        raise console.WrongCommandLine(f"there is no occurrence `{requested}`", hint)
     occurrence = by_path[path]
     text = occurrence.definition.text
     if text not in compilation.decisions:

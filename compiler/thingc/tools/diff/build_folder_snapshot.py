@@ -129,13 +129,11 @@ def _make_element(text: str, facts: Mapping[str, Value], file: str) -> SnapshotE
 
 def _properties_of(record: PartRecord) -> dict[str, Value]:
     """Return the properties of a part in a lock file, such as the material. The result does not include the shape."""
-    said: dict[str, Value] = {"material": record.material, "color": record.color}
-    for key, stated in (("mass", record.mass), ("com", record.com), ("density", record.density)):
-        if stated is not None:
-            said |= {f"{key}.value": stated.value, f"{key}.source": stated.source}
-    if record.actuator is not None:
-        said |= field_values("drive", ActuatorRecord, record.actuator)
-    return said
+    values: dict[str, Value] = {"material": record.material, "color": record.color}
+    for key, value in (("mass", record.mass), ("com", record.com), ("density", record.density)):
+        if value is not None:
+            values |= {f"{key}.value": value.value, f"{key}.source": value.source}
+    return values if record.actuator is None else values | field_values("drive", ActuatorRecord, record.actuator)
 
 
 def _of_record(record: PartRecord) -> OccurrenceSnapshot:

@@ -134,9 +134,9 @@ class Revision:
 
         Return the contents of the files that were written.
         """
-        wanted = [path for path in dict.fromkeys(paths) if path in self._files and path not in self._there]
-        self._there.update(wanted)
-        contents = dict(self._contents(wanted))
+        new_paths = [path for path in dict.fromkeys(paths) if path in self._files and path not in self._there]
+        self._there.update(new_paths)
+        contents = dict(self._contents(new_paths))
         links = {path: data for path, data in contents.items() if self._files[path][0] == _LINK}
         targets = {path: os.fsdecode(data) for path, data in links.items() if data and b"\0" not in data}
         write_tree(self.root, {path: data for path, data in contents.items() if path not in links}, targets)

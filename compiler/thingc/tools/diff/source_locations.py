@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from itertools import product
 
 from thingc.base.source import MappingNode, Node, ScalarNode, Span
 from thingc.base.units import UnitError, parse_quantity
@@ -79,15 +80,13 @@ class DocumentTrees:
         If the section does not contain the keys, the source location of the `Fact` is `otherwise`. The key `rpy` also finds an orientation
         under the key `quat`. In this case, `Fact.words` is the text of the quaternion.
         """
-        for node in section:
-            place = _at(node, keys)
+        paths = [keys, (*keys[:-1], "quat")] if keys and keys[-1] == "rpy" else [keys]
+        for node, path in product(section, paths):
+            place = _at(node, path)
             if place is not None:
                 text, span = _node_text(place)
-                return Fact(value=value, written=text, scope=scope, span=span)
-            place = _at(node, (*keys[:-1], "quat")) if keys[-1] == "rpy" else None
-            if place is not None:
-                text, span = _node_text(place)
-                return Fact(value=value, written=text, words=None if "=" in text else f"quat {text}", scope=scope, span=span)
+                words = f"quat {text}" if path is not keys and "=" not in text else None
+                return Fact(value=value, written=text, words=words, scope=scope, span=span)
         return Fact(value=value, scope=scope, span=otherwise)
 
     def number(self, text: str) -> Value:

@@ -344,9 +344,9 @@ def _occurrence(definition: AssemblyDefinition, prefix: str, reference: Referenc
 
 
 def _overrides(overrides: Overrides) -> Iterator[tuple[str, Value]]:
-    for key, stated in (("mass", overrides.mass), ("com", overrides.com), ("inertia", overrides.inertia)):
-        yield f"{key}.value", None if stated is None else stated.value[0] if len(stated.value) == 1 else tuple(stated.value)
-        yield f"{key}.source", None if stated is None else stated.source
+    for key, value in (("mass", overrides.mass), ("com", overrides.com), ("inertia", overrides.inertia)):
+        yield f"{key}.value", None if value is None else value.value[0] if len(value.value) == 1 else tuple(value.value)
+        yield f"{key}.source", None if value is None else value.source
     for target, choice in overrides.choices.items():
         key = f"collision.targets.{target}" if target else "collision"
         yield key, choice.collision

@@ -45,14 +45,11 @@ def raw_of(naming: DocumentNaming) -> dict[str, Any]:
     for joint in naming.moving:
         word = naming.joints[joint.name]
         insert(joint.raw, "joint", word)
-        if joint.drive is not None:
-            insert(joint.drive.raw, "actuator", word)
-        if joint.follows is not None:
-            insert(joint.follows.raw, "equality", f"{word}:mimic")
+        insert(joint.drive.raw if joint.drive is not None else (), "actuator", word)
+        insert(joint.follows.raw if joint.follows is not None else (), "equality", f"{word}:mimic")
     for tendon in robot.tendons:
         insert(tendon.raw, "tendon", naming.tendons[tendon.name])
-        if tendon.drive is not None:
-            insert(tendon.drive.raw, "actuator", naming.tendons[tendon.name])
+        insert(tendon.drive.raw if tendon.drive is not None else (), "actuator", naming.tendons[tendon.name])
     for magnet in robot.adhesions:
         insert(magnet.raw, "actuator", f"{naming.links[magnet.link]}.{naming.magnets[magnet.name]}")
     for loop in robot.loops:

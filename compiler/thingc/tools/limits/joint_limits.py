@@ -167,12 +167,12 @@ class PairLimits(FrozenStruct):
     skipped: dict[str, list[str]]
 
 
-def posed_robot(robot: Robot, wanted: str | None) -> tuple[Robot, Keyframe]:
+def posed_robot(robot: Robot, pose_name: str | None) -> tuple[Robot, Keyframe]:
     """Return the robot and its keyframe for a pose, by default the start pose of the mode. Raises `UnknownChoice`."""
     poses = {pose.name: pose for pose in robot.assembly.poses}
-    if wanted is not None and wanted not in poses:
-        raise UnknownChoice(f"there is no pose `{wanted}`", did_you_mean(wanted, list(poses), what="poses"))
-    pose = poses[wanted] if wanted is not None else starting_pose(robot.assembly, robot.mode)
+    if pose_name is not None and pose_name not in poses:
+        raise UnknownChoice(f"there is no pose `{pose_name}`", did_you_mean(pose_name, list(poses), what="poses"))
+    pose = poses[pose_name] if pose_name is not None else starting_pose(robot.assembly, robot.mode)
     placed = pose_robot(robot.assembly, robot.mode, [pose])
     frame = keyframe(placed, pose) if placed is not None else None
     if placed is None or frame is None:

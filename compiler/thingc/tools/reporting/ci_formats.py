@@ -172,13 +172,12 @@ def _command(d: Diagnostic, base: str) -> str:
 
 
 def _annotation_location(span: Span, base: str) -> dict[str, str]:
-    place = {"file": escape_control(within(span.file, base) or span.file), "line": str(span.line)}
-    if span.line == span.end_line and span.column != span.end_column:
-        place["col"] = str(span.column)
-    place["endLine"] = str(span.end_line)
-    if "col" in place:  # GitHub ignores the columns of multi-line annotations
-        place["endColumn"] = str(span.end_column)
-    return place
+    has_columns = span.line == span.end_line and span.column != span.end_column  # GitHub ignores the columns of multi-line annotations
+    return {
+        "file": escape_control(within(span.file, base) or span.file), "line": str(span.line),
+        **({"col": str(span.column)} if has_columns else {}), "endLine": str(span.end_line),
+        **({"endColumn": str(span.end_column)} if has_columns else {}),
+    }
 
 
 def _note(note: Note, base: str) -> str:

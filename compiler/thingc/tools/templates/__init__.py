@@ -44,8 +44,8 @@ def new_part(name: str, material: str | None) -> str:
     `material` is the default material of the part, or None if documents must specify a material.
     """
     text = (_HERE / "stubs" / "part.py").read_text(encoding="utf-8")
-    stated = "" if material is None else f'material="{material}"'
-    return text.replace("MyPart", name).replace('material="pla"', stated)
+    argument = "" if material is None else f'material="{material}"'
+    return text.replace("MyPart", name).replace('material="pla"', argument)
 
 
 def new_assembly(name: str, suffix: str) -> str:

@@ -46,13 +46,13 @@ class Added:
         attributes: Sequence[tuple[str, str | SourceTarget | None]],
     ) -> bool:
         """Add an element to the MuJoCo model if all elements that it refers to are imported. Return whether the element was added."""
-        said = tuple((key, value) for key, value in attributes if value is not None)
-        if len(said) < len(attributes):
+        resolved = tuple((key, value) for key, value in attributes if value is not None)
+        if len(resolved) < len(attributes):
             return False
         original = self.original
         pair = original.spec.pairs[number] if section == "contact" else None
         self.elements.append(SourceAdded(
-            section=section, tag=tag, name=original.names[section][number] if pair is None else pair.name, attributes=said,
+            section=section, tag=tag, name=original.names[section][number] if pair is None else pair.name, attributes=resolved,
             where=original.where(section, number) if pair is None else original.flat.place(pair.info),
         ))
         return True
@@ -69,17 +69,17 @@ class Added:
         ]
         if not acts_on or not all(words) or model.actuator_plugin[number] >= 0:
             return False
-        wanted = [*zip(("dyntype", "gaintype", "biastype"), words, strict=True)]
-        wanted += self.original.texts(number, {name: f"actuator_{name}" for name in ("dynprm", "gainprm", "biasprm", "gear")})
+        attributes = [*zip(("dyntype", "gaintype", "biastype"), words, strict=True)]
+        attributes += self.original.texts(number, {name: f"actuator_{name}" for name in ("dynprm", "gainprm", "biasprm", "gear")})
         for word in ("ctrl", "force", "act"):
             if (bounds := self.original.bounds(f"actuator_{word}", number)) is not None:
-                wanted.append((f"{word}range", numbers(bounds)))
+                attributes.append((f"{word}range", numbers(bounds)))
         if any(floats(model.actuator_lengthrange[number])):
-            wanted += self.original.texts(number, {"lengthrange": "actuator_lengthrange"})
+            attributes += self.original.texts(number, {"lengthrange": "actuator_lengthrange"})
         if int(model.actuator_trntype[number]) == AT_CRANK:
-            wanted += self.original.texts(number, {"cranklength": "actuator_cranklength"})
+            attributes += self.original.texts(number, {"cranklength": "actuator_cranklength"})
         usual = {"dyntype": "none", "gaintype": "fixed", "biastype": "none", "gear": "1 0 0 0 0 0"}
-        return self._add("actuator", "general", number, (*acts_on, *differing(wanted, usual)))
+        return self._add("actuator", "general", number, (*acts_on, *differing(attributes, usual)))
 
     def _acts_on(self, number: int) -> Sequence[tuple[str, SourceTarget | None]]:
         """Return the XML attributes that specify the target of an actuator, or an empty list for an unsupported type of actuator."""
@@ -102,10 +102,10 @@ class Added:
         referred = any(model.qpos0[model.jnt_qposadr[joint]] for joint in self.kept["joint"] if int(model.jnt_type[joint]) > 1)
         if referred or int(model.eq_type[number]) != OF_TENDONS:
             return False
-        said = [("polycoef", numbers(model.eq_data[number][:5]))]
-        said += self.original.texts(number, {"solref": "eq_solref", "solimp": "eq_solimp"})
-        tied = [(f"tendon{k}", self._target("tendon", at)) for k, at in enumerate(ends, 1)]
-        return self._add("equality", "tendon", number, (*tied, *differing(said, {"solref": SOLREF, "solimp": SOLIMP})))
+        values = [("polycoef", numbers(model.eq_data[number][:5]))]
+        values += self.original.texts(number, {"solref": "eq_solref", "solimp": "eq_solimp"})
+        tendons = [(f"tendon{k}", self._target("tendon", at)) for k, at in enumerate(ends, 1)]
+        return self._add("equality", "tendon", number, (*tendons, *differing(values, {"solref": SOLREF, "solimp": SOLIMP})))
 
     def pair(self, number: int) -> bool:
         """Add a contact pair to the MuJoCo model if both geoms are imported.

@@ -193,9 +193,9 @@ def numbers(values: Any) -> str:
     return " ".join(repr(int(one)) if one == int(one) and abs(one) < 1e15 else repr(one) for one in floats(values))
 
 
-def differing(wanted: Sequence[tuple[str, str]], otherwise: dict[str, str]) -> Raw:
+def differing(attributes: Sequence[tuple[str, str]], otherwise: dict[str, str]) -> Raw:
     """Return the attributes of an element that differ from the default values `otherwise` by more than rounding errors."""
-    return tuple((name, value) for name, value in wanted if not _alike(value, otherwise.get(name, "")))
+    return tuple((name, value) for name, value in attributes if not _alike(value, otherwise.get(name, "")))
 
 
 def _alike(one: str, other: str) -> bool:

@@ -125,20 +125,20 @@ class Actuators:
         if not affine or constant or any(others) or kv < 0.0 or gain < 0.0:
             return None
         effort = _largest(most if force is None else (force[0] * abs(gear), force[1] * abs(gear)))
-        wanted = [("gear", numbers(gear)), ("kv", numbers(kv)), *_range_keys("ctrl", control).items(), *_range_keys("force", force).items()]
+        values = [("gear", numbers(gear)), ("kv", numbers(kv)), *_range_keys("ctrl", control).items(), *_range_keys("force", force).items()]
         otherwise = {"gear": "1", "kv": numbers(kv * gear * gear), **_range_keys("force", None if effort is None else (-effort, effort))}
         name, where = self.original.actuators[number], self.original.where("actuator", number)
         drive = SourceDrive(name=name, kind="position", where=where, kv=kv * gear * gear, effort=effort)
         if position == -gain and dynamic in (NOT_DYNAMIC, EXACT):
-            wanted.append(("kp", numbers(gain)))
+            values.append(("kp", numbers(gain)))
             if dynamic == EXACT:
-                wanted.append(("timeconst", numbers(model.actuator_dynprm[number][0])))
+                values.append(("timeconst", numbers(model.actuator_dynprm[number][0])))
             otherwise |= {"kp": numbers(gain * gear * gear), **_range_keys("ctrl", ends)}
-            return replace(drive, kp=gain * gear * gear, kv=drive.kv or None, raw=differing(wanted, otherwise))
+            return replace(drive, kp=gain * gear * gear, kv=drive.kv or None, raw=differing(values, otherwise))
         if position == 0.0 and kv == gain and dynamic == NOT_DYNAMIC:
             fastest = None if control is None else max(map(abs, control)) / abs(gear)
             otherwise |= _range_keys("ctrl", None if fastest is None else (-fastest, fastest))
-            return replace(drive, kind="velocity", velocity=fastest, raw=differing(wanted, otherwise))
+            return replace(drive, kind="velocity", velocity=fastest, raw=differing(values, otherwise))
         return None
 
     def _motor(self, number: int, gain: float, gear: float, control: Bounds, force: Bounds, most: Bounds) -> SourceDrive:
@@ -155,11 +155,11 @@ class Actuators:
         bounds = [max(map(abs, one)) for one in (control, ends) if one is not None]
         effort = None if not bounds else min(bounds) * abs(gear * gain)
         effort = _largest(most) if effort is None else effort
-        wanted = [("gear", numbers(gear * gain)), *_range_keys("ctrl", control).items(), *_range_keys("force", ends).items()]
+        attributes = [("gear", numbers(gear * gain)), *_range_keys("ctrl", control).items(), *_range_keys("force", ends).items()]
         otherwise = {"gear": "1", "forcelimited": "false", **_range_keys("ctrl", None if effort is None else (-effort, effort))}
         return SourceDrive(
             name=original.actuators[number], kind="motor", where=original.where("actuator", number), effort=effort,
-            raw=differing(wanted, otherwise),
+            raw=differing(attributes, otherwise),
         )
 
     def _adhesion(self, number: int, link: str) -> SourceAdhesion:
@@ -167,10 +167,10 @@ class Actuators:
         force = gain * control[1]
         why = "thingc writes stiffer contacts for adhesion"
         self.original.lose("actuator", number, f"the softness of contacts of `{link}`", why)
-        wanted = [("gain", numbers(gain)), ("ctrlrange", numbers(control))]
+        attributes = [("gain", numbers(gain)), ("ctrlrange", numbers(control))]
         return SourceAdhesion(
             name=self.original.actuators[number], link=link, force=force, where=self.original.where("actuator", number),
-            raw=differing(wanted, {"gain": "1", "ctrlrange": numbers([0.0, force])}),
+            raw=differing(attributes, {"gain": "1", "ctrlrange": numbers([0.0, force])}),
         )
 
 

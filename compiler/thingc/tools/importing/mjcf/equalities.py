@@ -164,22 +164,22 @@ def joint_of(original: CompiledSource, joint: int, drives: Actuators, couplings:
 def free_joint(original: CompiledSource, joint: int) -> Raw:
     """Return the attributes of a free joint that a document cannot express, such as stiffness and damping."""
     dof = int(original.model.jnt_dofadr[joint])
-    wanted = original.texts(joint, {"stiffness": "jnt_stiffness"})
-    wanted += original.texts(dof, {name: f"dof_{name}" for name in ("damping", "frictionloss", "armature")})
-    return *differing(wanted, {name: "0" for name, _ in wanted}), *_raw(original, joint, dof, None)
+    attributes = original.texts(joint, {"stiffness": "jnt_stiffness"})
+    attributes += original.texts(dof, {name: f"dof_{name}" for name in ("damping", "frictionloss", "armature")})
+    return *differing(attributes, {name: "0" for name, _ in attributes}), *_raw(original, joint, dof, None)
 
 
 def _raw(original: CompiledSource, joint: int, dof: int, effort: float | None) -> Raw:
     """Return the attributes of a joint that a document cannot express. `effort` is the effort limit in the document [N m or N]."""
     model = original.model
-    wanted = [
+    attributes = [
         *original.texts(joint, {"solreflimit": "jnt_solref", "solimplimit": "jnt_solimp"}),
         *original.texts(dof, {"solreffriction": "dof_solref", "solimpfriction": "dof_solimp"}),
         *original.texts(joint, {"margin": "jnt_margin"}), ("actuatorgravcomp", "true" if model.jnt_actgravcomp[joint] else "false"),
     ]
     if model.jnt_actfrclimited[joint]:
-        wanted += original.texts(joint, {"actuatorfrcrange": "jnt_actfrcrange"})
-    return differing(wanted, {
+        attributes += original.texts(joint, {"actuatorfrcrange": "jnt_actfrcrange"})
+    return differing(attributes, {
         "solreflimit": SOLREF, "solimplimit": SOLIMP, "solreffriction": SOLREF, "solimpfriction": SOLIMP, "margin": "0",
         "actuatorgravcomp": "false", **({} if effort is None else {"actuatorfrcrange": numbers([-effort, effort])}),
     })

@@ -30,7 +30,7 @@ def simulation(original: CompiledSource) -> tuple[tuple[str, float | str], ...]:
 
     The possible keys are `timestep` [s], `integrator`, `cone` and `impratio`.
     """
-    option, said = original.model.opt, list[tuple[str, float | str]]()
+    option, changed = original.model.opt, list[tuple[str, float | str]]()
     settings: tuple[tuple[str, float | str, float | str], ...] = (
         ("timestep", float(option.timestep), 0.002), ("integrator", INTEGRATORS[int(option.integrator)], "euler"),
         ("cone", CONES[int(option.cone)], "pyramidal"), ("impratio", float(option.impratio), 1.0),
@@ -39,8 +39,8 @@ def simulation(original: CompiledSource) -> tuple[tuple[str, float | str], ...]:
         if isinstance(value, float) and value <= 0.0:
             original.losses.note(f"a `{name}` of {value:g}", "the value must be above 0 in a document", original.flat.root.where)
         elif value != usual:
-            said.append((name, value))
-    return tuple(said)
+            changed.append((name, value))
+    return tuple(changed)
 
 
 def options(original: CompiledSource) -> tuple[tuple[tuple[str, ...], str], ...]:

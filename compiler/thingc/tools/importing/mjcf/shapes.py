@@ -117,14 +117,14 @@ class Geoms:
 
         The default values include the priority that thingc sets for a geom with friction, so that its friction applies on any floor.
         """
-        wanted = self.original.texts(geom, {name: f"geom_{name}" for name in USUAL})
+        attributes = self.original.texts(geom, {name: f"geom_{name}" for name in USUAL})
         otherwise = dict(USUAL)
         if friction:
             otherwise |= {
                 "friction": numbers((*friction, *FRICTION[len(friction) :])), "condim": {1: "3", 2: "4", 3: "6"}[len(friction)],
                 "priority": "1",
             }
-        return differing(wanted, otherwise)
+        return differing(attributes, otherwise)
 
 
 def sizes_of(kind: ShapeKind, sizes: Any) -> tuple[float, ...]:

@@ -124,32 +124,32 @@ class Tendons:
             side=self.original.sites[side] if side >= 0 else None,
         ))
 
-    def _raw(self, number: int, made: SourceTendon) -> Raw:
+    def _raw(self, number: int, tendon: SourceTendon) -> Raw:
         """Return the attributes of a tendon that a document cannot express, or whose default value in documents differs from MuJoCo's."""
         model = self.model
-        plain = ("stiffness", "damping", "frictionloss", "armature", "margin", "group", *(() if made.moves else ("width",)))
-        wanted = self.original.texts(number, {word: f"tendon_{word}" for word in plain})
+        plain = ("stiffness", "damping", "frictionloss", "armature", "margin", "group", *(() if tendon.moves else ("width",)))
+        attributes = self.original.texts(number, {word: f"tendon_{word}" for word in plain})
         otherwise = USUAL | {
-            "stiffness": numbers(made.stiffness), "damping": numbers(made.damping), "frictionloss": numbers(made.friction),
-            "armature": numbers(made.armature),
+            "stiffness": numbers(tendon.stiffness), "damping": numbers(tendon.damping), "frictionloss": numbers(tendon.friction),
+            "armature": numbers(tendon.armature),
         }
-        if made.width:
-            otherwise["width"] = numbers(made.width / 2.0)
+        if tendon.width:
+            otherwise["width"] = numbers(tendon.width / 2.0)
         if model.tendon_stiffness[number]:
             spring = floats(model.tendon_lengthspring[number])
-            wanted.append(("springlength", numbers(spring if spring[0] != spring[1] else spring[:1])))
-            otherwise |= {"springlength": numbers(made.rest)} if made.stiffness else {}
+            attributes.append(("springlength", numbers(spring if spring[0] != spring[1] else spring[:1])))
+            otherwise |= {"springlength": numbers(tendon.rest)} if tendon.stiffness else {}
         if model.tendon_limited[number]:
-            wanted += self.original.texts(number, {"range": "tendon_range"})
-            if made.ends.lower is not None and made.ends.upper is not None:
-                otherwise["range"] = numbers([made.ends.lower, made.ends.upper])
+            attributes += self.original.texts(number, {"range": "tendon_range"})
+            if tendon.ends.lower is not None and tendon.ends.upper is not None:
+                otherwise["range"] = numbers([tendon.ends.lower, tendon.ends.upper])
         if model.tendon_actfrclimited[number]:
-            wanted += self.original.texts(number, {"actuatorfrcrange": "tendon_actfrcrange"})
-        if not made.moves:
+            attributes += self.original.texts(number, {"actuatorfrcrange": "tendon_actfrcrange"})
+        if not tendon.moves:
             material = int(model.tendon_matid[number])
             color = floats(model.tendon_rgba[number])
             if color == GREY and material >= 0:
                 color = floats(model.mat_rgba[material])
-            wanted.append(("rgba", numbers([round(one, 6) for one in color])))
-        wanted += self.original.texts(number, SOFTNESS)
-        return differing(wanted, otherwise)
+            attributes.append(("rgba", numbers([round(one, 6) for one in color])))
+        attributes += self.original.texts(number, SOFTNESS)
+        return differing(attributes, otherwise)
