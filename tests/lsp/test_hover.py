@@ -1,17 +1,13 @@
-"""Hover text and inlay hints; and both, with completion, through a real client."""
+"""Hover text and inlay hints."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
-from lsprotocol import types
 
 from live.documents import ROBOT, write
 from lsp.documents import Documents
-from lsp.editor import Editor
 from thingc.tools.lsp.analysis import Analysis
 from thingc.tools.lsp.hover import hover
 from thingc.tools.lsp.positions import TextPlace
@@ -91,37 +87,3 @@ def test_broken_text_keeps_hovers_on_unchanged_lines(robot: Path, shared_store: 
     assert said(analysis, broken, "pose: o│ut").startswith("**out**: yaw_0 30 deg")
     labels = [one["label"] for one in hints(analysis, broken, TextPlace(line=1, column=1), {"range": WHOLE})]
     assert labels == ["= 50 g ... 100 g", "= 2"]  # not of the two lines that have changed
-
-
-# --- a real client -----------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def editor(shared_store: str) -> Iterator[Editor]:
-    editor = Editor(shared_store)
-    yield editor
-    assert editor.leave() == 0
-
-
-def _place(text: str, offset: int) -> dict[str, int]:
-    before = text[:offset]
-    return {"line": before.count("\n"), "character": len(before) - before.rfind("\n") - 1}
-
-
-def test_completion_hover_and_hints_over_the_protocol(editor: Editor, robot: Path) -> None:
-    told = editor.told.capabilities
-    assert told.completion_provider is not None and "." in (told.completion_provider.trigger_characters or [])
-    document = {"uri": robot.as_uri()}
-    assert editor.open(robot, CHANGED) == []
-    answer: Any = editor.request("textDocument/inlayHint", {"textDocument": document, "range": WHOLE})
-    assert [one.label for one in answer][:1] == ["= 60 mm"]
-    place = _place(CHANGED, CHANGED.index("pose: out") + 7)
-    answer = editor.request("textDocument/hover", {"textDocument": document, "position": place})
-    assert answer.contents.value.startswith("**out**: yaw_0 30 deg")
-    text = CHANGED.replace("child: palm.seat", "child: palm.")
-    editor.type(robot, text)
-    place = _place(text, text.index("child: palm.") + 12)
-    answer = editor.request("textDocument/completion", {"textDocument": document, "position": place})
-    first = answer.items[0]
-    assert (first.label, first.sort_text, first.documentation.value) == ("seat", "0000", "Exported by `palm.yaml`: `plate.seat`.")
-    assert first.text_edit == types.TextEdit(types.Range(types.Position(**place), types.Position(**place)), "seat")

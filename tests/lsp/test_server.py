@@ -7,12 +7,12 @@ import random
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
+from lsprotocol import types
 from pygls.exceptions import JsonRpcException
 
 from live.documents import ROBOT, write
@@ -21,6 +21,8 @@ from thingc.driver.environment import Options
 from thingc.tools.cli.main import main
 from thingc.tools.lsp.analysis import OpenText, analyse
 
+CHANGED = ROBOT.replace("count: 2", "count: 2\n  half: =reach / 2")
+WHOLE = {"start": {"line": 0, "character": 0}, "end": {"line": 999, "character": 0}}
 TYPED = ["", "", "x", "_", " ", "\n", ":", "{", "]", "- ", "=", "'", "#", "12 mm", "\U0001f916", "\u00e9", "components:\n"]
 ODD = [
     "", "thingc", "\x00thingc: assembly/1", "thingc: assembly/1\n" + "a: [" * 3000, "thingc: assembly/1\nname: &a [*a]\n",
@@ -29,13 +31,6 @@ ODD = [
     "thingc: variants/1\nassembly: x.yaml\n", "thingc: assembly/1\nname: a\nparameters: {a: =a + b, b: =a * 9**9**9**9}\n",
     "thingc: materials/1\nmaterials: {oak: {density: 1 mm}}\n",
 ]
-
-
-@pytest.fixture(scope="module")
-def editor(shared_store: str) -> Iterator[Editor]:
-    editor = Editor(shared_store)
-    yield editor
-    assert editor.leave() == 0
 
 
 @pytest.fixture
@@ -184,3 +179,27 @@ def test_missing_extra_is_reported(monkeypatch: pytest.MonkeyPatch, capsys: pyte
     assert main(["lsp"]) == 2
     said = capsys.readouterr().err
     assert "`thingc lsp` needs pygls, which is not installed" in said and "pip install 'thingc[lsp]'" in said
+
+
+def _place(text: str, offset: int) -> dict[str, int]:
+    before = text[:offset]
+    return {"line": before.count("\n"), "character": len(before) - before.rfind("\n") - 1}
+
+
+def test_completion_hover_and_hints_over_the_protocol(editor: Editor, robot: Path) -> None:
+    capabilities = editor.told.capabilities
+    assert capabilities.completion_provider is not None and "." in (capabilities.completion_provider.trigger_characters or [])
+    document = {"uri": robot.as_uri()}
+    assert editor.open(robot, CHANGED) == []
+    answer: Any = editor.request("textDocument/inlayHint", {"textDocument": document, "range": WHOLE})
+    assert [one.label for one in answer][:1] == ["= 60 mm"]
+    place = _place(CHANGED, CHANGED.index("pose: out") + 7)
+    answer = editor.request("textDocument/hover", {"textDocument": document, "position": place})
+    assert answer.contents.value.startswith("**out**: yaw_0 30 deg")
+    text = CHANGED.replace("child: palm.seat", "child: palm.")
+    editor.type(robot, text)
+    place = _place(text, text.index("child: palm.") + 12)
+    answer = editor.request("textDocument/completion", {"textDocument": document, "position": place})
+    first = answer.items[0]
+    assert (first.label, first.sort_text, first.documentation.value) == ("seat", "0000", "Exported by `palm.yaml`: `plate.seat`.")
+    assert first.text_edit == types.TextEdit(types.Range(types.Position(**place), types.Position(**place)), "seat")

@@ -21,7 +21,6 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -31,13 +30,6 @@ from live.documents import write
 from lsp.editor import Editor, lines
 
 FOLDER = Path(__file__).parent / "sessions"
-
-
-@pytest.fixture(scope="module")
-def editor(shared_store: str) -> Iterator[Editor]:
-    editor = Editor(shared_store)
-    yield editor
-    assert editor.leave() == 0
 
 
 class Session:
