@@ -14,8 +14,6 @@ from __future__ import annotations
 import argparse
 import sys
 
-from thingc.driver.environment import with_environment
-from thingc.driver.pipeline import compile
 from thingc.tools.cli import console
 
 
@@ -29,14 +27,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc hag`. The command prints the graph to standard output, and diagnostics to standard error."""
     try:
-        console.require_document(arguments.document)
-        options = console.options_of(arguments)
+        diagnostics, graph = console.compile_document(arguments, lambda environment, compilation, assembly: assembly.hag)
     except console.WrongCommandLine as fault:
-        return console.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
-    compilation = with_environment(arguments.document, options, compile)
-    code = console.print_text(console.final(compilation.report, strict=arguments.strict), stream=sys.stderr, debug=arguments.debug)
-    if code == 0 and compilation.assembly is not None:
+        diagnostics, graph = [fault.diagnostic], None
+    if graph is not None:
         from thingc.targets.hag import emit as hag
 
-        console.say(*getattr(hag, arguments.format)(compilation.assembly.hag).rstrip("\n").split("\n"))
-    return code
+        console.say(*getattr(hag, arguments.format)(graph).rstrip("\n").split("\n"))
+    return console.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)

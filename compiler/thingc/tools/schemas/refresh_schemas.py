@@ -177,19 +177,14 @@ class Schemas:
         self._narrowed: dict[str, tuple[tuple[DocumentFacts, SchemaContext], dict[str, Any]]] = {}
         self._looked = float("-inf")
 
-    def _scan(self) -> dict[str, Stat]:
-        paths = documents_in(self.workspace.root, self.workspace)
-        own = os.path.join(self.workspace.root, OWN_FILE)
-        if os.path.exists(own):
-            paths.append(own)
-        return {path: stat_of(path) for path in paths}
-
     def _look(self) -> dict[str, str]:
         """Return a mapping from the absolute path of each document to its path in the workspace.
 
         Also read the symbols of changed documents.
         """
-        before, self._seen = self._seen, self._scan()
+        settings_file = os.path.join(self.workspace.root, OWN_FILE)
+        paths = documents_in(self.workspace.root, self.workspace) + [settings_file] * os.path.exists(settings_file)
+        before, self._seen = self._seen, {path: stat_of(path) for path in paths}
         names = {path: self.workspace.relative(path) for path in self._seen}
         for gone in set(self._symbols) - set(names.values()):
             del self._symbols[gone]
