@@ -67,7 +67,7 @@ class Piece:
         return mount is not None and any(isinstance(one, Shank) for one in mount.features)
 
     def equals(self, other: Piece) -> bool:
-        """Return whether another piece has the same definition and is attached to the same piece, at the same mount of its own."""
+        """Return whether another piece has the same definition, and both are attached rigidly to the same piece, by equal mounts."""
         if self.mate is None or other.mate is None or self.mate.joints or other.mate.joints:
             return False
         return self.definition == other.definition and self.parent is other.parent and self.mate.child_mount == other.mate.child_mount
@@ -318,7 +318,7 @@ class _Planner:
 
 
 def _is_last(piece: Piece, present: Sequence[Piece]) -> bool:
-    """Return whether `order` lists no other piece after a piece or a member of a group."""
+    """Return whether a piece or group can be removed next: `order` lists no other present piece after it."""
     lowest = min((one.rank for one in piece.members if one.rank >= 0), default=inf)
     return not any(other.rank > lowest and other not in piece.members for other in present)
 

@@ -103,7 +103,10 @@ class _Book:
         return f"{html_text(_label(row, piece.first) if ambiguous else row.name)} (No. {html_text(row.number)})"
 
     def _mates(self, step: AssemblyStep, path: str, *, first: bool) -> Iterator[str]:
-        """Yield which mounts meet, and the joints. In the first step, only frames that mark positions are already there."""
+        """Yield a text about the mounts that meet, and a text for each joint.
+
+        In the first step, no part is in place, so only mates with frames that are not parts are described.
+        """
         mates = [piece.mate for piece in step.pieces if piece.mate is not None]
         mates = [mate for mate in mates if not first or not is_listed(self._assembly.occurrences[mate.parent])]
         if mates:

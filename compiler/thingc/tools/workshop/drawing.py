@@ -35,8 +35,8 @@ CAPTIONS = {
 """The names of the views, with the directions of the axes of the part."""
 
 
-class Drawn(FrozenStruct):
-    """What the CAD kernel computes for a drawing."""
+class PartGeometry(FrozenStruct):
+    """The views and the features of a part, which the CAD kernel computes."""
 
     views: Views
     features: Features
@@ -51,17 +51,17 @@ class Hole(FrozenStruct):
 
 def emit(request: EmitRequest) -> Artifacts:
     """Write a sheet for each part that is not bought. Parts without a B-rep are export losses."""
-    parts, losses = compute_parts(request, "drawing", lambda breps: _draw_parts(request.geometry, breps))
-    files = {f"drawing/{part.file_name()}.svg": sheet(part, drawn, request.assembly.name) for part, drawn in parts}
+    parts, losses = compute_parts(request, "drawing", lambda breps: _compute_geometry(request.geometry, breps))
+    files = {f"drawing/{part.file_name()}.svg": sheet(part, geometry, request.assembly.name) for part, geometry in parts}
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(losses))
 
 
-def _draw_parts(geometry: GeometryService, breps: Collection[str]) -> dict[str, Drawn]:
+def _compute_geometry(geometry: GeometryService, breps: Collection[str]) -> dict[str, PartGeometry]:
     views, features = geometry.search("thingc.tools.kernel.views:views_of", breps, Views), geometry.features(breps)
-    return {brep: Drawn(views=views[brep], features=features[brep]) for brep in breps}
+    return {brep: PartGeometry(views=views[brep], features=features[brep]) for brep in breps}
 
 
-def sheet(part: ManufacturedPart, drawn: Drawn, robot: str) -> bytes:
+def sheet(part: ManufacturedPart, geometry: PartGeometry, robot: str) -> bytes:
     """Return the content of the sheet of a part."""
     record = part.first.record
     assert record is not None and record.box is not None
@@ -69,11 +69,11 @@ def sheet(part: ManufacturedPart, drawn: Drawn, robot: str) -> bytes:
     page.rectangle((FRAME, FRAME, WIDTH - FRAME, HEIGHT - FRAME), "frame")
     scale, places = _placements(record.box)
     for name in VIEWS:
-        view = drawn.views.by_name[name]
+        view = geometry.views.by_name[name]
         page.path(places[name].path(view.hidden), "hidden")
         page.path(places[name].path(view.visible), "visible")
     _add_sizes(page, record.box, places)
-    holes = _holes(drawn.features)
+    holes = _holes(geometry.features)
     page.taken += [_hole_box(hole, places[hole.view]) for hole in holes if hole.view is not None]
     for index, hole in enumerate(holes, 1):
         if hole.view is not None:
@@ -185,6 +185,7 @@ def _add_hole(page: SvgPage, hole: Hole, label: str, place: Placement) -> None:
 
 
 def _hole_box(hole: Hole, place: Placement) -> Box:
+    """Return the box around the widest circle of a hole on the page."""
     assert hole.view is not None
     x, y = place.point(_project(hole.cylinders[0].line.point, hole.view))
     radius = place.scale * hole.cylinders[-1].radius
