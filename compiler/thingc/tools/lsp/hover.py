@@ -12,19 +12,11 @@ from thingc.base.numeric import sum_of
 from thingc.base.source import Path, entries_of, node_at
 from thingc.base.units import ANGLE, FORCE, MASS, TORQUE, Quantity
 from thingc.model.assembly.types import Assembly, JointEdge
+from thingc.tools.lsp import shown_values
 from thingc.tools.lsp.analysis import Analysis
 from thingc.tools.lsp.cursor import Cursor, cursor_at
 from thingc.tools.lsp.positions import TextPlace
 from thingc.tools.lsp.schema_walk import SchemaWalk, described_as, find_description
-from thingc.tools.lsp.shown_values import (
-    evaluate_expression,
-    format_direction,
-    format_frame,
-    format_position,
-    format_values,
-    mount_frame_text,
-    parameters_of,
-)
 
 _CODES = {code.code: code for code in Code}
 
@@ -59,14 +51,14 @@ def hover_text(analysis: Analysis, cursor: Cursor, written: str) -> str:
 
 def _of_value(analysis: Analysis, cursor: Cursor, written: str) -> str:
     """Format the value of a quantity or expression for a hover text."""
-    values = evaluate_expression(analysis, cursor.path, written)
+    values = shown_values.evaluate_expression(analysis, cursor.path, written)
     if not values or (not written.startswith("=") and not written.strip()[-1:].isalpha()):
         return ""
     if written.startswith("="):
         at = re.search(r"[A-Za-z]\w*$|$", cursor.typed)
         word = re.match(r"[A-Za-z]\w*|", written[at.start() if at is not None else 0 :])
         parameter_text = _of_parameter(analysis, word.group()) if word is not None and written != f"={word.group()}" else ""
-        return "\n\n".join((f"`{written}` = **{format_values(values)}**", *([parameter_text] if parameter_text else [])))
+        return "\n\n".join((f"`{written}` = **{shown_values.format_values(values)}**", *([parameter_text] if parameter_text else [])))
     value = " ".join(f"{one.value:.6g} {one.dimension.symbol}".strip() for one in values if isinstance(one, Quantity))
     return "" if value == written.strip() else f"`{written}` = {value}"
 
@@ -101,13 +93,13 @@ def _describe_reference(analysis: Analysis, path: Path, written: str) -> str:
 
 
 def _of_parameter(analysis: Analysis, name: str) -> str:
-    parameter = parameters_of(analysis).get(name)
+    parameter = shown_values.parameters_of(analysis).get(name)
     if parameter is None:
         return ""
     node = None if analysis.tree is None else node_at(analysis.tree, ("parameters", name))
     entries = {key: str(one.plain()) for key, one in entries_of(node).items()}
     bounds = [f"at {word} `{entries[key]}`" for key, word in (("min", "least"), ("max", "most")) if key in entries]
-    return "; ".join((f"**{name}** = {format_values((parameter,))}", *bounds, *([entries["doc"]] if "doc" in entries else [])))
+    return "; ".join((f"**{name}** = {shown_values.format_values((parameter,))}", *bounds, *([entries["doc"]] if "doc" in entries else [])))
 
 
 # --- components and mounts ---------------------------------------------------------------------------------------------
@@ -142,7 +134,7 @@ def _describe_component(assembly: Assembly, name: str) -> Iterator[str]:
     if len(inside) == 1:
         base = assembly.occurrences[assembly.base].path
         if inside[0].index != assembly.base:
-            place = f"At {format_frame(assembly.rest[inside[0].index])} of `{base}`, with every joint at 0"
+            place = f"At {shown_values.format_frame(assembly.rest[inside[0].index])} of `{base}`, with every joint at 0"
         else:
             place = "The base"
         yield f"{place}; link `{assembly.links[assembly.link_of[inside[0].index]].name}`."
@@ -150,7 +142,7 @@ def _describe_component(assembly: Assembly, name: str) -> Iterator[str]:
 
 def _of_mount(analysis: Analysis, reference: str) -> str:
     text = analysis.facts.mounts.get(reference)
-    frame = mount_frame_text(analysis, reference)
+    frame = shown_values.mount_frame_text(analysis, reference)
     if text is None and not frame:
         return ""
     return f"**{reference}**: {text or 'a mount.'}" + (f"\n\nAt {frame}{'' if ' of `' in frame else ' of its component'}." if frame else "")
@@ -185,10 +177,10 @@ def _of_joint(analysis: Analysis, name: str) -> str:
 
 def _motion(edge: JointEdge) -> str:
     turns = any(edge.twist.angular)
-    axis = edge.twist.angular if turns else edge.twist.linear
+    direction = shown_values.format_direction(edge.twist.angular if turns else edge.twist.linear).removeprefix("+")
     speed = edge.limit.velocity
     limit = "" if speed is None else f"; up to {speed * 30.0 / math.pi:.4g} rpm" if turns else f"; up to {speed:.4g} m/s"
-    return f"{'Turns about' if turns else 'Slides along'} {format_direction(axis).removeprefix('+')} of the parent mount{limit}."
+    return f"{'Turns about' if turns else 'Slides along'} {direction} of the parent mount{limit}."
 
 
 def _of_pose(analysis: Analysis, name: str) -> str:
@@ -219,7 +211,8 @@ def _of_mode(analysis: Analysis, name: str) -> str:
     base = {"fixed": "fixed to the world", "free": "free", "held": "held at a pose in the world"}.get(mode.base, mode.base)
     lines = [f"**{name}**: `{mode.root.text}` is the root, {base}" + (f"; starts in pose `{mode.pose}`." if mode.pose else ".")]
     if mode.on_floor or any(mode.at.translation):
-        lines.append("The robot stands on the floor." if mode.on_floor else f"The root is at {format_position(mode.at.translation)}.")
+        position = shown_values.format_position(mode.at.translation)
+        lines.append("The robot stands on the floor." if mode.on_floor else f"The root is at {position}.")
     if mode.holds:
         lines.append(f"The mode holds {', '.join(f'`{one.mount.text}`' for one in mode.holds)}.")
     return "\n\n".join(lines)
