@@ -11,6 +11,7 @@ import mujoco
 import pytest
 
 import thingc
+from importing.imports import import_cleanly
 from thingc.base.diagnostics import Report
 from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import Imported, import_robot
@@ -20,10 +21,7 @@ SOURCE = Path(__file__).parent / "robots" / "blocks.urdf"
 
 @pytest.fixture(scope="module")
 def imported() -> Imported:
-    report = Report()
-    found = import_robot(str(SOURCE), report)
-    assert found is not None and report.diagnostics == []
-    return found
+    return import_cleanly(SOURCE)
 
 
 def test_friction_and_drives_are_imported(imported: Imported, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import pytest
 from trimesh.transformations import euler_matrix
 
 import thingc
+from importing.imports import write_import
 from thingc.base.diagnostics import Report, Severity
 from thingc.tools.importing.importing import import_robot
 
@@ -33,10 +34,7 @@ def written(source: Path, where: str, folder: Path) -> Path:
     """Import a file and return the file of a format that is built from it."""
     imported = import_robot(str(source), Report())
     assert imported is not None
-    for name, content in imported.files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(content)
-    return built(folder / imported.document, where, folder / "out")
+    return built(write_import(imported, folder), where, folder / "out")
 
 
 def built(document: Path, where: str, folder: Path) -> Path:

@@ -8,21 +8,18 @@ import mujoco
 import numpy as np
 import pytest
 
+from importing.imports import import_cleanly
 from loops.robots import Built, compiled, pose_of
 from robot.test_free_joints import GRIPPER
-from thingc.base.diagnostics import Report
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.tools.importing.import_request import ImportRequest
-from thingc.tools.importing.importing import import_robot
 
 PLAIN = {"TC517", "TC522", "TC610", "TC792"}
 
 
 def imported(file: Path, folder: Path, *, keep: bool = False) -> Built:
-    report = Report()
-    found = import_robot(str(file), report, ImportRequest(keep=keep))
-    assert found is not None and report.diagnostics == [], [one.message for one in report.diagnostics]
+    found = import_cleanly(file, ImportRequest(keep=keep))
     folder.mkdir()
     made = compiled(folder, {found.document: found.files[found.document].decode()})
     assert {code for code, *_ in made.said} <= PLAIN, made.said

@@ -10,6 +10,7 @@ import numpy
 import pytest
 
 import thingc
+from importing.imports import write_import
 from thingc.base.diagnostics import Report
 from thingc.tools.cli.main import main
 from thingc.tools.importing.import_request import ImportRequest
@@ -76,8 +77,7 @@ def test_links_fixed_to_a_valid_link_are_not_repaired(tmp_path: Path) -> None:
     report = Report()
     imported = import_robot(str(written(tmp_path, links, joints)), report)
     assert imported is not None and report.diagnostics == [] and imported.repaired == ()
-    (tmp_path / "robot.yaml").write_bytes(imported.files["robot.yaml"])
-    assert thingc.compile(tmp_path / "robot.yaml").diagnostics == ()
+    assert thingc.compile(write_import(imported, tmp_path)).diagnostics == ()
 
 
 @pytest.mark.parametrize(("place", "sound"), [("0 1 0", True), ("1 0 0", False)])
@@ -119,8 +119,7 @@ def test_static_link_may_lack_inertia_but_not_be_invalid(tmp_path: Path) -> None
     ]
     imported, said = repaired(path, "nearest")
     assert imported is not None and said == [] and [one.link.name for one in imported.repaired] == ["a", "plate"]
-    (tmp_path / "robot.yaml").write_bytes(imported.files["robot.yaml"])
-    assert thingc.compile(tmp_path / "robot.yaml").diagnostics == ()
+    assert thingc.compile(write_import(imported, tmp_path)).diagnostics == ()
     path.write_text(path.read_text().replace("0.03", "0.01"))
     assert import_robot(str(path), Report()) is not None
 
@@ -165,9 +164,7 @@ def test_repaired_inertia_is_accepted_by_simulators(tmp_path: Path) -> None:
         helps[how] = [one.help for one in report.diagnostics]
     assert found is not None and found.repaired[0].new.mass == 1e-10 and min(found.repaired[0].new.inertia[k][k] for k in range(3)) >= 1e-14
     assert helps["nearest"] == [] and "--repair inertia=nearest" in str(helps[None]) and "--repair inertia=nearest" in str(helps["shapes"])
-    for name, content in found.files.items():
-        (tmp_path / name).write_bytes(content)
-    data = mujoco.MjData(thingc.compile(tmp_path / "tiny.yaml").modes["arm"].model())
+    data = mujoco.MjData(thingc.compile(write_import(found, tmp_path)).modes["arm"].model())
     mujoco.mj_step(data.model, data, 10)
     assert numpy.isfinite(data.qpos).all()
 

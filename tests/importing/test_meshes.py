@@ -12,6 +12,7 @@ import pytest
 import trimesh
 
 import thingc
+from importing.imports import write_import
 from thingc.base.diagnostics import Report
 from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import import_robot
@@ -66,11 +67,7 @@ def test_imported_meshes_have_the_same_pose(robot: Path, tmp_path: Path) -> None
     assert "- {mesh: meshes/part.stl, unit: m, at: {xyz: 100 0 0 mm, rpy: 0.3 0.2 0.1 rad}, for: visual}" in text
     assert "- {mesh: meshes/part_2.stl, unit: mm, for: collision}" in text
     assert "- {mesh: meshes/part.stl, unit: m, scale: [1, -2, 3], at: {xyz: 0 500 0 mm}, for: visual}" in text
-    out = tmp_path / "out"
-    for name, content in imported.files.items():
-        (out / name).parent.mkdir(parents=True, exist_ok=True)
-        (out / name).write_bytes(content)
-    ours = thingc.compile(out / "meshes.yaml").modes["source"].model()
+    ours = thingc.compile(write_import(imported, tmp_path / "out")).modes["source"].model()
     folder = robot.parents[1] / "meshes"
     given = {f"{name.replace('/', '_')}.stl": (folder / f"{name}.stl").read_bytes() for name in ("a/part", "b/part", "c/copy")}
     plain = re.sub(r'filename="[^"]*/(\w)/(\w+).stl"', r'filename="\1_\2.stl"', ROBOT)

@@ -11,6 +11,7 @@ import pytest
 
 import thingc
 from importing.as_original import Pair, in_files
+from importing.imports import write_import
 from thingc.base.diagnostics import Report
 from thingc.tools.importing.importing import import_robot
 
@@ -43,10 +44,7 @@ def differences(name: str, text: str, folder: Path) -> set[str]:
     (folder / name).write_text(text)
     imported = import_robot(str(folder / name), Report())
     assert imported is not None
-    for path, content in imported.files.items():
-        (folder / "out" / path).parent.mkdir(parents=True, exist_ok=True)
-        (folder / "out" / path).write_bytes(content)
-    ours = thingc.compile(folder / "out" / imported.document).modes["source"].model()
+    ours = thingc.compile(write_import(imported, folder / "out")).modes["source"].model()
     source = (ROBOTS / name).read_text().replace("</robot>", URDF)
     (folder / "source.xml").write_text(source)
     spec = mujoco.MjSpec.from_file(str(folder / "source.xml"))

@@ -14,6 +14,7 @@ import pytest
 
 import thingc
 from importing.as_original import Pair, in_files
+from importing.imports import import_cleanly, write_import
 from importing.test_mjcf_names import built_from, imported_from
 from thingc.base.diagnostics import Report
 from thingc.tools.importing.import_request import ImportRequest
@@ -56,14 +57,9 @@ class Case:
 
 @pytest.fixture(scope="module", params=sorted(ROOTS))
 def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Case:
-    name, report = request.param, Report()
-    imported = import_robot(str(ROBOTS / f"{name}.xml"), report, ImportRequest(roots=ROOTS[name]))
-    assert imported is not None and report.diagnostics == []
-    folder = tmp_path_factory.mktemp("imported")
-    for path, content in imported.files.items():
-        (folder / path).parent.mkdir(exist_ok=True)
-        (folder / path).write_bytes(content)
-    compiled = thingc.compile(folder / imported.document)
+    name = request.param
+    imported = import_cleanly(ROBOTS / f"{name}.xml", ImportRequest(roots=ROOTS[name]))
+    compiled = thingc.compile(write_import(imported, tmp_path_factory.mktemp("imported")))
     spec = mujoco.MjSpec.from_file(str(ROBOTS / f"{name}.xml"))
     spec.compile()
     return Case(imported=imported, spec=spec, modes={name: mode.model() for name, mode in compiled.modes.items()})
@@ -122,9 +118,7 @@ def test_omitted_elements_are_not_written(tmp_path: Path) -> None:
     """The floating robot is imported without the elements that its losses name."""
     imported = import_robot(str(ROBOTS / "floating.xml"), Report())
     assert imported is not None
-    (tmp_path / imported.document).write_bytes(imported.files[imported.document])
-    compiled = thingc.compile(tmp_path / imported.document)
-    model = compiled.modes["source"].model()
+    model = thingc.compile(write_import(imported, tmp_path)).modes["source"].model()
     assert {model.body(k).name for k in range(1, model.nbody)} == {"trunk", "crank", "rod", "end", "rocker", "slider", "ball"}
     assert {model.actuator(k).name for k in range(model.nu)} == {"twist", "strong", "slider/suck", "second", "muscle", "tendon"}
     assert {model.eq(k).name for k in range(model.neq)} == {"close", "half"} and model.tendon(0).name == "pull"
@@ -202,13 +196,8 @@ def test_hidden_wrapping_geom_is_not_a_shape() -> None:
 def _imported(folder: Path, text: str) -> Imported:
     """Import a robot from this text, and check that its document compiles."""
     (folder / "robot.xml").write_text(text)
-    report = Report()
-    imported = import_robot(str(folder / "robot.xml"), report)
-    assert imported is not None and report.diagnostics == []
-    for path, content in imported.files.items():
-        (folder / "out" / path).parent.mkdir(exist_ok=True, parents=True)
-        (folder / "out" / path).write_bytes(content)
-    thingc.compile(folder / "out" / imported.document)
+    imported = import_cleanly(folder / "robot.xml")
+    thingc.compile(write_import(imported, folder / "out"))
     return imported
 
 
@@ -326,8 +315,7 @@ def test_modes_start_at_a_keyframe_if_zero_is_out_of_range(tmp_path: Path) -> No
     found = {}
     for keys in ('<key name="bent" qpos="-1.2"/><key name="more" qpos="-1.4"/>', '<key name="zero" qpos="0"/>', ""):
         imported = _imported(tmp_path, text.replace("KEYS", keys))
-        (tmp_path / imported.document).write_bytes(imported.files[imported.document])
-        model = thingc.compile(tmp_path / imported.document).modes["source"].model()
+        model = thingc.compile(tmp_path / "out" / imported.document).modes["source"].model()
         found[keys[11:15]] = [(model.key(k).name, float(model.key(k).qpos[0])) for k in range(model.nkey)][:1]
     assert found["bent"] == [("bent", -1.2)]
     assert found["zero"] == [("zero", pytest.approx(-numpy.pi / 6))] and found[""] == [("start", pytest.approx(-numpy.pi / 6, abs=1e-6))]
@@ -370,13 +358,10 @@ def attaching(tmp_path: Path) -> Path:
 
 
 def test_attached_models_match_mujoco(tmp_path: Path) -> None:
-    path, report = attaching(tmp_path), Report()
-    found = import_robot(str(path), report)
-    assert found is not None and report.diagnostics == [] and found.name == "top"
-    for name, content in found.files.items():
-        (tmp_path / "out" / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / "out" / name).write_bytes(content)
-    models = mujoco.MjModel.from_xml_path(str(path)), thingc.compile(tmp_path / "out" / "top.yaml").modes["source"].model()
+    path = attaching(tmp_path)
+    found = import_cleanly(path)
+    assert found.name == "top"
+    models = mujoco.MjModel.from_xml_path(str(path)), thingc.compile(write_import(found, tmp_path / "out")).modes["source"].model()
     states = [mujoco.MjData(model) for model in models]
     for data in states:
         data.joint("l_j").qpos[0], data.joint("r_j").qpos[0] = 0.3, -0.5

@@ -8,6 +8,7 @@ import mujoco
 import pytest
 
 import thingc
+from importing.imports import write_import
 from thingc.base.diagnostics import Report
 from thingc.tools.importing.importing import Imported, import_robot
 
@@ -36,8 +37,7 @@ def imported_from(text: str, folder: Path) -> Imported:
     (folder / "source.xml").write_text(text)
     imported = import_robot(str(folder / "source.xml"), Report())
     assert imported is not None
-    for path, content in imported.files.items():
-        (folder / path).write_bytes(content)
+    write_import(imported, folder)
     return imported
 
 

@@ -9,6 +9,7 @@ import numpy
 import pytest
 
 import thingc
+from importing.imports import write_import
 from importing.test_mjcf_names import imported_from
 from thingc.base.diagnostics import Report
 from thingc.tools.importing.import_request import ImportRequest
@@ -118,7 +119,7 @@ def test_order_is_equal_for_every_root_and_nested_document(tmp_path: Path) -> No
     (tmp_path / "source.xml").write_text(SOURCE)
     imported = import_robot(str(tmp_path / "source.xml"), Report(), ImportRequest(roots=["shank"]))
     assert imported is not None
-    (tmp_path / "robot.yaml").write_bytes(imported.files["robot.yaml"])
+    write_import(imported, tmp_path)
     (tmp_path / "both.yaml").write_text("""\
 thingc: assembly/1
 name: both

@@ -14,6 +14,7 @@ import pytest
 
 import thingc
 from importing.as_original import in_files
+from importing.imports import import_cleanly, write_import
 from thingc.base.diagnostics import Report
 from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import Imported, import_robot
@@ -74,14 +75,9 @@ class Case:
 
 @pytest.fixture(scope="module")
 def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
-    report = Report()
-    imported = import_robot(str(SOURCE), report, ImportRequest(roots=ROOTS))
-    assert imported is not None and report.diagnostics == []
-    folder = tmp_path_factory.mktemp("imported")
-    for name, content in imported.files.items():
-        (folder / name).write_bytes(content)
+    imported = import_cleanly(SOURCE, ImportRequest(roots=ROOTS))
     names, words = in_files(imported), json.loads(imported.files["import.json"])["names"]
-    compiled = thingc.compile(folder / "constructs.yaml")
+    compiled = thingc.compile(write_import(imported, tmp_path_factory.mktemp("imported")))
     text = SOURCE.read_text().replace("</robot>", f"{EXTENSION}</robot>")
     fixed, floating = mujoco.MjSpec.from_string(text), mujoco.MjSpec.from_string(text)
     floating.body("base-link").add_freejoint()

@@ -12,6 +12,7 @@ from trimesh.transformations import rotation_matrix
 
 import thingc
 from importing.as_original import in_files
+from importing.imports import import_cleanly, write_import
 from thingc.base.diagnostics import Report
 from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import Imported, import_robot
@@ -24,18 +25,13 @@ DRAKE = json.loads((HERE / "robots" / "constructs.sdf.json").read_text())
 
 @pytest.fixture(scope="module")
 def imported() -> Imported:
-    report = Report()
-    found = import_robot(str(SOURCE), report, ImportRequest(roots=DRAKE["asked"]["roots"]))
-    assert found is not None and report.diagnostics == []
-    return found
+    return import_cleanly(SOURCE, ImportRequest(roots=DRAKE["asked"]["roots"]))
 
 
 @pytest.fixture(scope="module")
 def models(imported: Imported, tmp_path_factory: pytest.TempPathFactory) -> dict[str, mujoco.MjModel]:
-    folder = tmp_path_factory.mktemp("imported")
-    for name, content in imported.files.items():
-        (folder / name).write_bytes(content)
-    return {name: mode.model() for name, mode in thingc.compile(folder / "constructs.yaml").modes.items()}
+    document = write_import(imported, tmp_path_factory.mktemp("imported"))
+    return {name: mode.model() for name, mode in thingc.compile(document).modes.items()}
 
 
 def test_imported_robot_matches_drake(imported: Imported, models: dict[str, mujoco.MjModel]) -> None:
@@ -109,9 +105,7 @@ def test_loop_is_closed_by_the_last_joint(tmp_path: Path) -> None:
     """The joint that reaches an already connected link last closes the loop. The direction of a joint does not matter for the tree."""
     found, report = read(tmp_path, sdf(joint("j", "b", "a") + joint("k", "b", "c") + joint("l", "c", "d") + joint("m", "a", "d", "ball")))
     assert found is not None and not report.failed
-    (tmp_path / "m.yaml").write_bytes(found.files["m.yaml"])
-    compiled = thingc.compile(tmp_path / "m.yaml")
-    model = compiled.modes["source"].model()
+    model = compiled(found, tmp_path)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     assert [loop.name for loop in found.robot.loops] == ["m"] and model.neq == 1
@@ -146,16 +140,14 @@ def test_unlimited_slide_gets_limits_and_is_a_loss(tmp_path: Path) -> None:
     found, report = read(tmp_path, sdf(joint("j", "a", "b", "prismatic") + REST))
     assert found is not None and not report.failed
     assert [loss.what for loss in found.losses] == ["unlimited slide `j`"]
-    (tmp_path / "m.yaml").write_bytes(found.files["m.yaml"])
-    assert tuple(thingc.compile(tmp_path / "m.yaml").modes["source"].model().joint("j").range) == (-1000.0, 1000.0)
+    assert tuple(compiled(found, tmp_path).joint("j").range) == (-1000.0, 1000.0)
 
 
 def test_joint_against_the_tree_direction_is_reversed(tmp_path: Path) -> None:
     """`c` is attached to `b`, which already has a parent. q keeps its meaning: the position of `b` relative to `c`."""
     found, report = read(tmp_path, sdf(joint("j", "a", "b") + joint("k", "c", "b", axis="<xyz>0 0.6 0.8</xyz>") + joint("l", "c", "d")))
     assert found is not None and not report.failed
-    (tmp_path / "m.yaml").write_bytes(found.files["m.yaml"])
-    model = thingc.compile(tmp_path / "m.yaml").modes["source"].model()
+    model = compiled(found, tmp_path)
     data = mujoco.MjData(model)
     data.joint("k").qpos[0] = 0.7
     mujoco.mj_forward(model, data)
@@ -210,9 +202,9 @@ def test_missing_inertial_uses_defaults_and_is_a_loss(tmp_path: Path) -> None:
 def test_included_models_match_drake(tmp_path: Path) -> None:
     """The models are placed by their own frames, one inside another, and found by package and by path. They contain screw and universal
     joints."""
-    rig, report = HERE / "included", Report()
-    found = import_robot(str(rig / "rig.sdf"), report)
-    assert found is not None and report.diagnostics == [] and found.losses == ()
+    rig = HERE / "included"
+    found = import_cleanly(rig / "rig.sdf")
+    assert found.losses == ()
     model = compiled(found, tmp_path)
     data, said = mujoco.MjData(model), json.loads((rig / "drake.json").read_text())
     for name, q in said["q"].items():
@@ -356,9 +348,7 @@ def test_errors_are_reported_at_their_line(text: str, code: str, line: int, mess
 
 
 def compiled(found: Imported, folder: Path) -> mujoco.MjModel:
-    folder.mkdir(exist_ok=True)
-    (folder / found.document).write_bytes(found.files[found.document])
-    return thingc.compile(folder / found.document).modes["source"].model()
+    return thingc.compile(write_import(found, folder)).modes["source"].model()
 
 
 def pose(data: mujoco.MjData, word: str) -> numpy.ndarray:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import thingc
+from importing.imports import write_import
 from thingc.base.diagnostics import Report
 from thingc.tools.importing.importing import import_robot
 
@@ -40,9 +41,7 @@ def imported(source: Path, folder: Path) -> dict[str, str]:
     """Import a file into the folder and return the shape names listed in `import.json`."""
     found = import_robot(str(source), Report())
     assert found is not None
-    folder.mkdir(parents=True)
-    for path, content in found.files.items():
-        (folder / path).write_bytes(content)
+    write_import(found, folder)
     geoms: dict[str, str] = json.loads(found.files["import.json"])["names"].get("geoms", {})
     return geoms
 

@@ -10,8 +10,8 @@ import numpy
 import pytest
 
 import thingc
-from thingc.base.diagnostics import Report
-from thingc.tools.importing.importing import Imported, import_robot
+from importing.imports import import_cleanly, write_import
+from thingc.tools.importing.importing import Imported
 from thingc.tools.importing.quantities import length, lengths
 
 SOURCE = Path(__file__).parent / "robots" / "shapes.urdf"
@@ -20,10 +20,7 @@ ALL = '<mujoco><compiler fusestatic="false" discardvisual="false"/></mujoco></ro
 
 @pytest.fixture(scope="module")
 def imported() -> Imported:
-    report = Report()
-    found = import_robot(str(SOURCE), report)
-    assert found is not None and report.diagnostics == []
-    return found
+    return import_cleanly(SOURCE)
 
 
 def geoms(model: mujoco.MjModel) -> list[tuple[int, bool, list[float]]]:
@@ -38,8 +35,7 @@ def geoms(model: mujoco.MjModel) -> list[tuple[int, bool, list[float]]]:
 
 
 def test_imported_shapes_match_mujoco(imported: Imported, tmp_path: Path) -> None:
-    (tmp_path / "shapes.yaml").write_bytes(imported.files["shapes.yaml"])
-    compiled = thingc.compile(tmp_path / "shapes.yaml")
+    compiled = thingc.compile(write_import(imported, tmp_path))
     assert compiled.diagnostics == ()
     model = compiled.modes["source"].model()
     without = SOURCE.read_text().replace('<visual><geometry><sphere radius="0"/></geometry></visual>', "")

@@ -10,6 +10,7 @@ import mujoco
 import pytest
 
 import thingc
+from importing.imports import write_import
 from thingc import Compiled
 from thingc.base.diagnostics import Report
 from thingc.tools.importing.importing import Imported, import_robot
@@ -42,10 +43,7 @@ def imported(text: str | bytes, folder: Path) -> tuple[Imported, Report]:
 
 def compiled(robot: Imported, folder: Path) -> Compiled:
     """Compile the document of an import."""
-    for name, content in robot.files.items():
-        (folder / name).parent.mkdir(exist_ok=True)
-        (folder / name).write_bytes(content)
-    found = thingc.compile(folder / robot.document)
+    found = thingc.compile(write_import(robot, folder))
     assert found.diagnostics == ()
     return found
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import thingc
+from importing.imports import write_import
 from thingc.base.diagnostics import Code, Report
 from thingc.tools.cli.main import main
 from thingc.tools.importing.importing import import_robot
@@ -117,8 +118,7 @@ def test_chain_too_long_for_mujoco_is_a_warning(count: int, tmp_path: Path) -> N
     said = [(fault.code, fault.span and fault.span.line, fault.message) for fault in report.diagnostics]
     message = "link `l496` is number 497 in a chain of moving links, but MuJoCo supports at most 496"
     assert said == ([] if count == 496 else [(Code.SOURCE_DOUBT, 1 + 497 + 496, message)])
-    (tmp_path / imported.document).write_bytes(imported.files[imported.document])
-    refused = [fault.code for fault in thingc.family(tmp_path / imported.document).write({}, tmp_path / "out", emit=["mjcf"])]
+    refused = [fault.code for fault in thingc.family(write_import(imported, tmp_path)).write({}, tmp_path / "out", emit=["mjcf"])]
     assert refused == ([] if count == 496 else [Code.MJCF_REFUSED])
 
 
