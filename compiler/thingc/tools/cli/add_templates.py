@@ -219,14 +219,12 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Documen
     bases = {str(mode.get("base", "fixed")) for mode in (_extend_mode(modes, one) for one in modes) if mode.get("root") == stands}
     base: BaseType = arguments.base or next((one for one in usual if one not in bases), usual[0])
     value: dict[str, Written] = {"root": stands, "base": base}
-    if by_sole:
-        pass  # the mount is at the origin of the world
-    elif stands == first["root"] and stays(base):
-        value |= {"at": _format_plain(first["at"])} if "at" in first else {}
-    elif _has_shapes(root):
-        value["at"] = {"on": "floor"}
-    if soles and not by_sole:
-        value["standing_on"] = list(soles)
+    if not by_sole:  # otherwise, the mount is at the origin of the world
+        if stands == first["root"] and stays(base):
+            value |= {"at": _format_plain(first["at"])} if "at" in first else {}
+        elif _has_shapes(root):
+            value["at"] = {"on": "floor"}
+        value |= {"standing_on": list(soles)} if soles else {}
     if arguments.gravity is not None:
         value["gravity"] = arguments.gravity
     pose = arguments.pose or first.get("pose")
