@@ -472,7 +472,7 @@ def print_result(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic
 
     In the text format, diagnostics are printed to standard error.
     """
-    code = print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug, **more)
+    code = print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug, texts=None, **more)
     if arguments.format == "text":
         say(*lines)
     return code

@@ -117,7 +117,7 @@ class Analysis(FrozenStruct, eq=False):
     def lines(self, file: str | None = None) -> TextLines:
         """Return the lines of a file. The default is the analysed document."""
         path = self.path if file is None else file
-        return self.cached(f"lines {path}", lambda: TextLines(self.text_of(path)))
+        return self.compute_once(f"lines {path}", lambda: TextLines(self.text_of(path)))
 
     def current_span(self, span: Span) -> Span | None:
         """Convert a span in the last well-formed text to a span in the current text. Return None if the lines of the span have changed."""
@@ -127,7 +127,7 @@ class Analysis(FrozenStruct, eq=False):
         """Return the URI of a file. If the file is open, return the URI that the editor uses for it."""
         return self.open[path].uri if path in self.open else Path(path).as_uri()
 
-    def cached(self, name: str, make: Callable[[], T]) -> T:
+    def compute_once(self, name: str, make: Callable[[], T]) -> T:
         """Call the function `make` and return the result. Later calls with the same `name` return the cached result."""
         if name not in self._cache:
             self._cache[name] = make()
@@ -139,7 +139,7 @@ class Analysis(FrozenStruct, eq=False):
         """The names in the document that editors suggest, including names in lines with errors."""
         if (tree := self.tree) is None:
             return DocumentFacts()
-        return self.cached("facts", lambda: facts_of(tree, self.model, self.records, self.schemas, {}))
+        return self.compute_once("facts", lambda: facts_of(tree, self.model, self.records, self.schemas, {}))
 
 
 def is_document_path(path: str) -> bool:

@@ -169,7 +169,7 @@ class AvailableNames:
         tree = analysis.tree
         if tree is None:
             return self._schemas.general(scalars.get(("thingc",), "").partition("/")[0] or "assembly")
-        return analysis.cached(
+        return analysis.compute_once(
             "schema", lambda: self._schemas.schema_of(analysis.path, tree, analysis.model, analysis.records, analysis.schemas),
         )
 

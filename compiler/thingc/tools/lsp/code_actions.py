@@ -60,7 +60,7 @@ def by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
     If the file of a diagnostic does not exist, such as a missing lock file, the diagnostic is assigned to the document. The result always
     contains the path of the document.
     """
-    return analysis.cached("diagnostics", lambda: _by_file(analysis))
+    return analysis.compute_once("diagnostics", lambda: _by_file(analysis))
 
 
 def _by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:

@@ -171,11 +171,11 @@ class _CompletionRequest:
             low, high = bounds_of(self.analysis, self.cursor)
             for name, quantity in self._parameters():
                 if any(fits(quantity.dimension, one) for one in dimensions) and low <= quantity.value <= high:
-                    yield self._item(f"={name}", self._quoted(f"={name}"), _VARIABLE, rank=100, detail=quantity.format(6))
+                    yield self._item(f"={name}", self._quote(f"={name}"), _VARIABLE, rank=100, detail=quantity.format(6))
 
     def _word(self, word: str, *, rank: int, description: str) -> CompletionItem:
         """Create a completion item for a word that the JSON Schema suggests, such as a name, a part or a document."""
-        kind, detail, text = _VALUE, "", self._quoted(word)
+        kind, detail, text = _VALUE, "", self._quote(word)
         if self.cursor.path[-1:] == ("part",):
             kind, detail = _CLASS, ", ".join(self.walk.parameters_of(word))
             module = f"{word.partition(':')[0]}:"
@@ -243,7 +243,7 @@ class _CompletionRequest:
         for name, count in numbered.items():
             if count >= max(2, needed):
                 yield self._item(
-                    name, self._quoted(name), _REFERENCE, rank=1000 if name.endswith(".origin") else -1, detail=f"{count} of them",
+                    name, self._quote(name), _REFERENCE, rank=1000 if name.endswith(".origin") else -1, detail=f"{count} of them",
                 )
 
     def _refers_to_edited(self, word: str) -> bool:
@@ -327,7 +327,7 @@ class _CompletionRequest:
             label=label, text=text, start=start, end=self.cursor.end, kind=kind, rank=rank, detail=detail, description=description,
         )
 
-    def _quoted(self, word: str) -> str:
+    def _quote(self, word: str) -> str:
         """Add quotes to a word if the language of the document requires quotes, as TOML always does.
 
         If the cursor is already inside quotes, only a missing closing quote is added.

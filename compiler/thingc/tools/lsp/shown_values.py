@@ -26,7 +26,7 @@ MAX_ITEMS = 1000
 
 def parameters_of(analysis: Analysis) -> Mapping[str, ExpressionValue]:
     """Return the names and the values of all parameters of the document."""
-    return analysis.known.cached("parameters", lambda: _parameter_values(analysis.known.tree))
+    return analysis.known.compute_once("parameters", lambda: _parameter_values(analysis.known.tree))
 
 
 def evaluate_expression(analysis: Analysis, path: Path, text: str) -> tuple[ExpressionValue, ...]:
