@@ -107,7 +107,7 @@ class Results:
         """Import a STEP file, and compare the proposals with its joints."""
         out = self.folder / path.stem
         imported = imported_into(path, out, self.options)
-        root, found = root_frame(imported), [*all_proposals(out / imported.document, self.options)]
+        root, found = root_frame(imported), [*all_proposals(out / f"{imported.name}.yaml", self.options)]
         for joint in joints:
             matches = [one for one, line in found if _same(joint, one, line, root)]
             self.known[joint.connection] += 1
