@@ -16,6 +16,7 @@ from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.driver.testing.collisions import collisions_of
 from thingc.geometry.service import GeometryService
+from thingc.geometry.worker_calls import WorkerCalls
 from thingc.model.robot.kinematics import occurrence_poses
 from thingc.tools.cli.main import main
 
@@ -65,7 +66,7 @@ def document() -> str:
 @pytest.fixture
 def no_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(GeometryService, "warm", lambda self: pytest.fail("the kernel was begun"))
-    monkeypatch.setattr("thingc.geometry.client.Workers.request", lambda *_: pytest.fail("a worker was asked"), raising=False)
+    monkeypatch.setattr(WorkerCalls, "pool", lambda self: pytest.fail("a worker was asked"))
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,7 @@ import thingc
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.geometry.service import GeometryService
+from thingc.geometry.worker_calls import WorkerCalls
 from thingc.model.assembly.types import Assembly
 from thingc.targets.artifact import Artifacts, StoredArtifact
 
@@ -111,7 +112,7 @@ class Crane:
 def crane(tmp_path_factory: pytest.TempPathFactory) -> Crane:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(GeometryService, "warm", lambda self: pytest.fail("the kernel was begun"))
-        patch.setattr("thingc.geometry.client.Workers.request", lambda *_: pytest.fail("a worker was asked"), raising=False)
+        patch.setattr(WorkerCalls, "pool", lambda self: pytest.fail("a worker was asked"))
         return Crane(tmp_path_factory.mktemp("crane"))
 
 

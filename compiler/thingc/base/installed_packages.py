@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.machinery
 import os
 import re
@@ -41,12 +42,9 @@ def specification_of(name: str) -> importlib.machinery.ModuleSpec | None:
     if specification is None or specification.origin is None and specification.submodule_search_locations:
         for finder in sys.meta_path:
             if not getattr(finder, "of_parts", False) and finder not in _PYTHONS_OWN:
-                try:
-                    found = finder.find_spec(name, None)
-                except Exception:
-                    continue
-                if found is not None:
-                    return found
+                with contextlib.suppress(Exception):
+                    if (found := finder.find_spec(name, None)) is not None:
+                        return found
     return specification
 
 

@@ -203,12 +203,8 @@ class SharedStore(Store):
 
 def _hashes(value: Any) -> Iterator[str]:
     """Yield every SHA-256 that occurs in a JSON value."""
-    if isinstance(value, str):
-        if _SHA256.fullmatch(value):
-            yield value
-    elif isinstance(value, dict):
-        for inner in value.values():
-            yield from _hashes(inner)
-    elif isinstance(value, list):
-        for inner in value:
+    if isinstance(value, str) and _SHA256.fullmatch(value):
+        yield value
+    elif isinstance(value, (dict, list)):
+        for inner in value.values() if isinstance(value, dict) else value:
             yield from _hashes(inner)

@@ -229,11 +229,9 @@ def _kind_of_default(default: object, where: str) -> str:
 
     The default value determines the kind: number, text or flag. An argument without annotation and without default is a number.
     """
-    if default is inspect.Parameter.empty:
-        return "number"
     if isinstance(default, bool):
         return "flag"
-    if isinstance(default, (int, float)):
+    if default is inspect.Parameter.empty or isinstance(default, (int, float)):
         return "number"
     if isinstance(default, str):
         return "text"

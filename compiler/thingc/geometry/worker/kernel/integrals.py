@@ -139,7 +139,7 @@ def measure(shape: TopoDS_Shape) -> Measures:
         matter, skin = integrals(solid, apex)
         volume.Add(matter)
         surface.Add(skin)
-    centre = volume.CentreOfMass()
+    x, y, z = volume.CentreOfMass().Coord()
     inertia = volume.MatrixOfInertia()
     rows = [[inertia.Value(i, j) for j in (1, 2, 3)] for i in (1, 2, 3)]
     largest = max(rows[0][0], rows[1][1], rows[2][2])
@@ -148,7 +148,7 @@ def measure(shape: TopoDS_Shape) -> Measures:
     return Measures(
         volume=volume.Mass(),
         area=surface.Mass(),
-        centre=(_clean(centre.X(), size), _clean(centre.Y(), size), _clean(centre.Z(), size)),
+        centre=(_clean(x, size), _clean(y, size), _clean(z, size)),
         inertia=((rows[0][0], xy, xz), (xy, rows[1][1], yz), (xz, yz, rows[2][2])),
         box=box,
     )
@@ -274,5 +274,4 @@ def bounding_box(shape: TopoDS_Shape) -> tuple[Vector, Vector]:
     """Return the corners of the tight axis-aligned bounding box of a shape [mm]."""
     box = Bnd_Box()
     BRepBndLib.AddOptimal_s(shape, box, False, False)
-    low, high = box.CornerMin(), box.CornerMax()
-    return (low.X(), low.Y(), low.Z()), (high.X(), high.Y(), high.Z())
+    return box.CornerMin().Coord(), box.CornerMax().Coord()

@@ -27,7 +27,7 @@ from thingc.geometry.worker.kernel.integrals import extent, integrals, subshapes
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from OCP.gp import gp_Ax1, gp_XYZ
+    from OCP.gp import gp_Ax1
     from OCP.TopoDS import TopoDS_Shape
 
 SAME = 1e-7
@@ -62,7 +62,7 @@ def primitive_of(solid: TopoDS_Shape) -> Primitive | None:
         elif kind == GeomAbs_Cylinder:
             cylinders.append((_line(surface.Cylinder().Axis()), surface.Cylinder().Radius()))
         elif kind == GeomAbs_Sphere:
-            spheres.append((_point(surface.Sphere().Location()), surface.Sphere().Radius()))
+            spheres.append((surface.Sphere().Location().Coord(), surface.Sphere().Radius()))
         else:
             return None
     if not planes and not spheres:
@@ -229,12 +229,4 @@ def _unit(a: Vector) -> Vector:
 
 
 def _line(axis: gp_Ax1) -> _Line:
-    return _point(axis.Location()), _unit(_xyz(axis.Direction().XYZ()))
-
-
-def _point(point: gp_Pnt) -> Vector:
-    return _xyz(point.XYZ())
-
-
-def _xyz(xyz: gp_XYZ) -> Vector:
-    return (xyz.X(), xyz.Y(), xyz.Z())
+    return axis.Location().Coord(), _unit(axis.Direction().Coord())

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
-    from OCP.gp import gp_Dir
     from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 
@@ -202,7 +201,7 @@ def _filling(face: TopoDS_Face, rings: Sequence[NDArray[np.int64]], places: NDAr
     Return None if the boundaries cross, or if all points are collinear.
     """
     plane = BRepAdaptor_Surface(face, False).Plane()
-    across = np.array([_direction(axis.Direction()) for axis in (plane.XAxis(), plane.YAxis())])
+    across = np.array([axis.Direction().Coord() for axis in (plane.XAxis(), plane.YAxis())])
     points = np.concatenate(rings)
     flat = (places[points] - places[points[0]]) @ across.T
     ends = np.cumsum([len(ring) for ring in rings]).tolist()
@@ -259,10 +258,6 @@ def _areas(triangles: NDArray[np.int64], flat: NDArray[np.float64]) -> tuple[NDA
     corners = flat[triangles]
     along = corners[:, (1, 2, 0)] - corners
     return _across(along[:, 0], along[:, 1]), np.hypot(along[:, :, 0], along[:, :, 1])
-
-
-def _direction(direction: gp_Dir) -> tuple[float, float, float]:
-    return direction.X(), direction.Y(), direction.Z()
 
 
 def _across(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
