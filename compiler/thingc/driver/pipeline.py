@@ -247,9 +247,9 @@ def choose(environment: Environment, sources: Sources, choices: Mapping[str, str
     """
     if not choices:
         return sources
-    from thingc.model.resolve.choices import documents_and_parts
+    from thingc.model.resolve.choices import chosen_texts
 
-    assemblies, parts = documents_and_parts(choices)
+    assemblies, parts = chosen_texts(choices, "assembly"), chosen_texts(choices, "part")
     key = ("choices", frozenset(assemblies), frozenset(parts))
     extended, faults = (memo or Memo())(key, lambda: _load_more(environment, sources, assemblies, parts))
     for fault in faults.diagnostics:  # errors without a place in a document are reported at the choice

@@ -54,6 +54,7 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist) -> Jo
                 Code.EFFORT, f"joint `{joint.name}` has an effort limit of {limit.effort:.6g} {unit}, "
                 f"but its actuator provides at most {drive.effort:.6g} {unit}", joint.origin_of("limit.effort", origin), path=path,
                 help="lower `limit.effort`, or use a stronger actuator", notes=make_notes("the actuator is set here", drive.origin),
+                allow=False,
             )
         limit = replace(limit, effort=first(limit.effort, drive.effort), velocity=first(limit.velocity, drive.velocity))
         if dynamics.armature is None:
@@ -79,7 +80,7 @@ def actuator_of(instance: Instance, owner: str, drive: Drive, limit: Limit, find
     if drive.stall is not None and effort is not None and effort > drive.stall:
         found = f"{Quantity(effort, of['effort'])}, but its `stall` is {Quantity(drive.stall, of['effort'])}"
         place, help = (drive.spans["stall"], *instance.origin), "lower `effort`, or increase `stall`"
-        findings.warn(Code.EFFORT, f"at rest, the drive of {owner} does not provide its effort of {found}", place, help=help)
+        findings.warn(Code.EFFORT, f"at rest, the drive of {owner} does not provide its effort of {found}", place, help=help, allow=False)
     key, reach = ("effort", effort) if drive.kind == "motor" else ("velocity", first(limit.velocity, speed))
     if drive.kind == "position":
         key, reach = "rest", None if limit.lower is None or limit.upper is None else limit.upper - limit.lower

@@ -81,13 +81,28 @@ def hag_of(model: AssemblyDefinition) -> Hag:
 
     Each distinct definition is one node. The nodes are in depth-first order, beginning with the top document.
     """
-    names = _Names()
+    nodes: dict[tuple[str, str, str], Definition] = {}
+    texts: set[str] = set()
     edges: list[DefinitionEdge] = []
     met: dict[Definition, None] = {}
     waiting: list[PartDefinition | LinkDefinition | AssemblyDefinition | None] = [model]
+
+    def node_of(definition: PartDefinition | LinkDefinition | AssemblyDefinition | None) -> Definition:
+        """Return the node of a definition, or of a frame for None.
+
+        Edges refer to a node by its text. If a later definition has the same text, its reference is appended to its text in brackets.
+        """
+        node = Definition.of(definition) if definition is not None else FRAME
+        key = (node.kind, node.reference, node.text)
+        if key not in nodes:
+            suffix = f" [{node.reference}]" if node.text in texts else ""
+            nodes[key] = replace(node, text=node.text + suffix, label=node.label + suffix)
+            texts.add(node.text + suffix)
+        return nodes[key]
+
     while waiting:
         definition = waiting.pop()
-        node = names.of(definition)
+        node = node_of(definition)
         if node in met:
             continue
         met[node] = None
@@ -98,33 +113,11 @@ def hag_of(model: AssemblyDefinition) -> Hag:
         for component in components:
             joint = joints.get(component.name)
             edges.append(DefinitionEdge(
-                parent=node.text, child=names.of(component.definition).text, component=component.name, mounts=_mounts(component, joint),
+                parent=node.text, child=node_of(component.definition).text, component=component.name, mounts=_mounts(component, joint),
                 joint=joint.name.joint if joint is not None and component.placement is None else None,
             ))
         waiting.extend(component.definition for component in reversed(components))
-    return Hag(root=names.of(model).text, definitions=tuple(met), edges=tuple(edges))
-
-
-class _Names:
-    """Assigns a node of the hierarchical assembly graph to each definition, and makes the texts of the nodes unique.
-
-    Edges of the graph refer to a definition by its text. If a later definition has the same text as an earlier definition, the reference of
-    the later definition is appended to its text in brackets.
-    """
-
-    def __init__(self) -> None:
-        self._given: dict[tuple[str, str, str], Definition] = {}
-        self._taken: set[str] = set()
-
-    def of(self, definition: PartDefinition | LinkDefinition | AssemblyDefinition | None) -> Definition:
-        """Return the graph node of an assembly, a part or a link, or the node of a frame for None."""
-        node = Definition.of(definition) if definition is not None else FRAME
-        key = (node.kind, node.reference, node.text)
-        if key not in self._given:
-            suffix = f" [{node.reference}]" if node.text in self._taken else ""
-            self._given[key] = replace(node, text=node.text + suffix, label=node.label + suffix)
-            self._taken.add(node.text + suffix)
-        return self._given[key]
+    return Hag(root=node_of(model).text, definitions=tuple(met), edges=tuple(edges))
 
 
 def _mounts(component: Component, joint: Joint | None) -> str:

@@ -79,7 +79,7 @@ def check_screws(robot: Connected, findings: LinkReport) -> None:
                     reported.add(_copy_key(mate.origin, screw))
                     subject = f"`{screw.name}` on `{mount_name(robot.occurrences[neighbour], head)}`"
                     help = "use a screw of another size, or correct the `depth` of the hole"
-                    findings.warn(Code.SCREW, f"{subject} {fault}", mate.origin, path=screw.path, help=help, allow=True)
+                    findings.warn(Code.SCREW, f"{subject} {fault}", mate.origin, path=screw.path, help=help)
 
 
 def _threaded_holes(part: Occurrence, pose: Pose) -> Iterator[tuple[float, float, str, str]]:
@@ -117,9 +117,7 @@ def check_declared(robot: Connected, findings: LinkReport) -> None:
         for name, declaration in [(name, declaration) for name, mount in mounts.items() for declaration in mount.contradictions]:
             message = f"the mount `{name}` of `{part.definition.label}` declares {declaration}"
             help = "correct the `interface` of the mount, or the geometry of the part"
-            if findings.warn(
-                Code.INTERFACE_GEOMETRY, message, part.origin, path=part.path, notes=_declaration_note(part, name), help=help, allow=True,
-            ):
+            if findings.warn(Code.INTERFACE_GEOMETRY, message, part.origin, path=part.path, notes=_declaration_note(part, name), help=help):
                 reported.add(part.definition.text)
 
 
@@ -212,11 +210,11 @@ def _warn_unexpected(
     text = f"`{name}.{expectation.mount}` expects `{expected}`"
     help = f"attach the mount `{expectation.child_mount}` of `{expected}` to `{name}.{expectation.mount}`"
     if part is None:
-        findings.warn(Code.EXPECTATION, f"{text}, but nothing is attached to it", owner.origin, path=owner.path, help=help, allow=True)
+        findings.warn(Code.EXPECTATION, f"{text}, but nothing is attached to it", owner.origin, path=owner.path, help=help)
         return
     if _is_expected(part, expectation, owner):
         message = f"{text} with its mount `{expectation.child_mount}`, but `{part.component.name}` is attached with its mount `{mount}`"
     else:
         message = f"{text}, but `{part.component.name}` (`{label}`) is attached to it"
     notes = make_notes(f"`{name}` is defined here", owner.origin)
-    findings.warn(Code.EXPECTATION, message, part.origin, path=part.path, help=help, notes=notes, allow=True)
+    findings.warn(Code.EXPECTATION, message, part.origin, path=part.path, help=help, notes=notes)

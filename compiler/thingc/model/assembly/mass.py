@@ -128,11 +128,9 @@ def _natural(matter: MassProperties, record: PartRecord | None, material: Materi
     return MassResult(properties=matter.with_mass(density * matter.mass), source="estimated" if estimated else "derived")
 
 
-def material_of(component: Component, record: PartRecord | None, scope: AssemblyDefinition) -> Material | None:
+def material_of(component: Component, default: str | None, scope: AssemblyDefinition) -> Material | None:
     """Return the material of a component: the material in the document or, if `scope` contains it, the default of the part class."""
-    if component.material is not None or record is None or record.material is None:
-        return component.material
-    return scope.materials.get(record.material)
+    return component.material or scope.materials.get(default or "")
 
 
 def process_of(component: Component, material: Material | None) -> Process:
@@ -151,7 +149,7 @@ def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | Pa
         record = records.get(definition.text)
         if not isinstance(record, PartRecord):
             continue
-        slicing = slicing_of(process_of(component, material_of(component, record, scope)), component.overrides, record)
+        slicing = slicing_of(process_of(component, material_of(component, record.material, scope)), component.overrides, record)
         if slicing is not None:
             slicings.setdefault(definition.text, set()).add(slicing)
     return slicings
@@ -161,9 +159,8 @@ def likely_slicings(model: AssemblyDefinition, schemas: Mapping[str, PartSchema 
     """Predict the slicing settings of parts before the parts are built. The materials are predicted from the part classes."""
     likely: dict[str, set[LikelySlicing]] = {}
     for definition, component, scope in _parts(model):
-        schema, material, up = schemas.get(definition.reference), component.material, component.overrides.up
-        if material is None and isinstance(schema, PartSchema):
-            material = scope.materials.get(schema.material or "")
+        schema, up = schemas.get(definition.reference), component.overrides.up
+        material = material_of(component, schema.material if isinstance(schema, PartSchema) else None, scope)
         slicing = process_of(component, material).slicing(up)
         if slicing is not None:
             likely.setdefault(definition.text, set()).add((slicing, up is None))

@@ -188,7 +188,7 @@ class PartInstances:
         elif not isinstance(definition, LinkDefinition) and not component.frame:
             return None
         record = use.record
-        material = use.material = material_of(component, record, use.scope)
+        material = use.material = material_of(component, record.material if record is not None else None, use.scope)
         if record is not None:
             self._warn_mirrored(use, record)
         shapes = {target: choice.shapes for target, choice in component.overrides.choices.items() if choice.shapes is not None}

@@ -42,7 +42,7 @@ def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
                 Code.MIRRORED_TURN,
                 f"`{part}` is rotated by {abs(turn)} deg relative to the mirror image of `{opposite}`, on the other side of `{parent}`",
                 second.origin, path=part, notes=make_notes(f"`{opposite}` is placed here", first.origin),
-                help=f"add {turn} deg to its `turn`, or use `facing` or `mate_x` for the mounts", allow=True,
+                help=f"add {turn} deg to its `turn`, or use `facing` or `mate_x` for the mounts",
             ):
                 break
 
@@ -131,7 +131,7 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: LinkReport) -> boo
         doubt = size_doubt(part.box)
         if doubt is not None and findings.warn(
             Code.SIZE, f"`{part.component.name}` (`{part.definition.label}`) {doubt}", part.origin, path=part.path, notes=part.written,
-            help=unit_meant(part.component.definition, part.box), allow=True,
+            help=unit_meant(part.component.definition, part.box),
         ):
             warned.add(part.definition.text)
     return bool(warned)
@@ -150,7 +150,7 @@ def _check_stated(occurrences: Sequence[Occurrence], findings: LinkReport) -> No
         stated, message, help = doubt
         origin = occurrence.component.full_origin(stated.origin, occurrence.origin) if stated is not None else occurrence.origin
         notes = () if stated is not None else occurrence.written
-        if origin not in warned and findings.warn(Code.STATED, message, origin, path=occurrence.path, help=help, allow=True, notes=notes):
+        if origin not in warned and findings.warn(Code.STATED, message, origin, path=occurrence.path, help=help, notes=notes):
             warned.add(origin)
 
 
@@ -195,7 +195,7 @@ def _check_materials(tree: Tree, occurrences: Sequence[Occurrence]) -> None:
                     Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin + instance.origin,
                     path=instance.within(material.name),
                     notes=make_notes(f"no part of `{definition.name}` uses this material for its mass", definition.origin),
-                    help=density_cure(doubt), allow=True,
+                    help=density_cure(doubt),
                 )
 
 
@@ -204,7 +204,7 @@ def _check_mass(tree: Tree, mass: float) -> None:
     if mass > 0.0 and not FEATHER <= mass <= ELEPHANT:
         tree.findings.warn(
             Code.ROBOT_MASS, f"`{tree.model.name}` has a total mass of {mass_words(mass)}", tree.model.origin, path="name",
-            help="check units of densities, masses and files; `thingc info` lists the mass of each part", allow=True,
+            help="check units of densities, masses and files; `thingc info` lists the mass of each part",
         )
 
 
@@ -225,7 +225,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
         findings.warn(
             Code.LIMIT_TURNS, f"`limit.{key}` of joint `{joint.name}` is {times_words(abs(ends[key]) / (2.0 * pi))} turns (`{text}`)",
             joint.origin_of(f"limit.{key}", origin), path=path, notes=_joint_note(joint, f"limit.{key}"),
-            help=f"probably {cause}; use `type: continuous` for a joint without limits", allow=True,
+            help=f"probably {cause}; use `type: continuous` for a joint without limits",
         )
     if wide or len(ends) < 2 or not all(ends.values()):
         return
@@ -237,7 +237,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
             Code.LIMIT_UNITS,
             f"joint `{joint.name}` has a lower limit in {low_unit} (`{lower}`) and an upper limit in {high_unit} (`{upper}`)",
             joint.origin_of(f"limit.{key}", origin), path=path, notes=_joint_note(joint, f"limit.{key}"),
-            help=f"use the same unit for both limits: `{value}` is `{twist.format(ends[key])}`", allow=True,
+            help=f"use the same unit for both limits: `{value}` is `{twist.format(ends[key])}`",
         )
 
 
@@ -280,7 +280,7 @@ def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findi
         return
     findings.warn(
         Code.STUCK, f"joint `{joint.name}` has {finding}", joint.origin_of(key, joint.origin + instance.origin), path=edge.path,
-        notes=_joint_note(joint, key), help=f"check the unit (`m{force}`, `{force}`)", allow=True,
+        notes=_joint_note(joint, key), help=f"check the unit (`m{force}`, `{force}`)",
     )
 
 
@@ -327,7 +327,7 @@ def _check_actuators(tree: Tree, occurrences: Sequence[Occurrence], mates: Seque
             notes = make_notes(f"joint `{edge.path}` is attached to this part and has {drive_text} drive", edge.origin)
         tree.findings.warn(
             Code.IDLE_ACTUATOR, f"`{name}` (`{part.definition.label}`) has an actuator, but does not drive a joint", part.origin,
-            path=part.path, help=help, allow=True, notes=notes,
+            path=part.path, help=help, notes=notes,
         )
 
 
@@ -346,8 +346,7 @@ def _check_mounts(tree: Tree, mates: Sequence[Mate]) -> None:
             alternative = ".".join((*reference.path, name))
             tree.findings.warn(
                 Code.OTHER_MOUNT, f"the mount `{name}` of `{definition.name}` is `{reference.text}`, although `{alternative}` also exists",
-                reference.origin + instance.origin, path=instance.within(name),
-                help=f"write `{name}: {alternative}`, or rename the mount", allow=True,
+                reference.origin + instance.origin, path=instance.within(name), help=f"write `{name}: {alternative}`, or rename the mount",
             )
 
 
@@ -378,7 +377,7 @@ def _check_offsets(tree: Tree, largest: Occurrence, size: float) -> None:
                 tree.findings.warn(
                     Code.FAR, f"{offset.text} {length_words(offset.length)}, {times_words(times)} times the size of the largest part "
                     f"(`{largest.path}`, {length_words(size, 3)} across)", offset.origin + instance.origin,
-                    path=instance.within(offset.path), notes=offset.notes, help=f"check the {offset.advice}", allow=True,
+                    path=instance.within(offset.path), notes=offset.notes, help=f"check the {offset.advice}",
                 )
 
 
@@ -429,7 +428,7 @@ def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: LinkReport
             findings.warn(
                 Code.FAR, f"mode `{mode.name}` places its root {length_words(offset)} from the origin of the world, "
                 f"{times_words(offset / reach)} times the robot's reach ({length_words(reach, 3)})", mode.origin,
-                path=mode.name, help="check the unit (`mm`, `m`)", allow=True,
+                path=mode.name, help="check the unit (`mm`, `m`)",
             )
 
 
@@ -451,7 +450,7 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
                 findings.warn(
                     Code.BARE_MASS, f"`{occurrence.component.name}` weighs {mass_words(mass)}, {times_words(mass / others)} times the rest "
                     f"of the robot ({mass_words(others)})", occurrence.component.full_origin(stated.origin, occurrence.origin),
-                    path=occurrence.path, help="check the unit (`g`, `kg`)", allow=True,
+                    path=occurrence.path, help="check the unit (`g`, `kg`)",
                 )
             elif boxes and not findings.has_reported(Code.FAR):
                 # include the origin of the link, because a joint may be at the origin although the parts are far away
@@ -471,7 +470,7 @@ def _check_place(occurrence: Occurrence, centre: Vector, boxes: Sequence[tuple[t
         findings.warn(
             Code.BARE_MASS, f"the mass of `{occurrence.component.name}` is {length_words(distance, 3)} away from the parts of its link, "
             f"which are {length_words(size, 3)} across", place, path=occurrence.path,
-            help="check the unit (`mm`, `m`)", allow=True,
+            help="check the unit (`mm`, `m`)",
         )
 
 

@@ -33,7 +33,7 @@ def check_nested_simulation(tree: Tree) -> None:
                 Code.NESTED_SIMULATION,
                 f"`simulation: {{{said}}}` of the nested document `{definition.name}` is not used, and `{top.name}` does not set it",
                 (definition.step_origin or definition.origin) + instance.origin, path=instance.path,
-                help=f"add `simulation: {{{said}}}` to the document of `{top.name}`", allow=True,
+                help=f"add `simulation: {{{said}}}` to the document of `{top.name}`",
             )
 
 
@@ -60,7 +60,7 @@ def _check_steps(top: AssemblyDefinition, findings: LinkReport) -> None:
         if isinstance(step, float) and step >= LONG_STEP:
             findings.warn(
                 Code.LONG_STEP, f"a time step of {1e3 * step:g} ms is too long for contacts: parts sink into each other, or bounce",
-                owner.step_origin, path=path, help="use 1 to 5 ms; the default of MuJoCo is 2 ms", allow=True,
+                owner.step_origin, path=path, help="use 1 to 5 ms; the default of MuJoCo is 2 ms",
             )
 
 
@@ -75,7 +75,7 @@ def _check_gravity(modes: Sequence[Mode], findings: LinkReport) -> None:
             findings.warn(
                 Code.GRAVITY_UP, f"gravity points up ({z:.6g} m/s^2): loose objects fall away from the floor", mode.gravity_origin,
                 path=mode.name, help="write `gravity: floor` for -9.81 m/s^2 along z, and `gravity: ceiling` for a robot that hangs "
-                "from a ceiling", allow=True,
+                "from a ceiling",
             )
 
 
@@ -95,7 +95,7 @@ def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: f
                 Code.MAGNET, f"the magnet `{reference.text}` pulls with {Quantity(force, FORCE)}, {times} the weight of the robot "
                 f"({Quantity(float(f'{weight:.3g}'), FORCE)})", reference.origin, path=mode.name,
                 notes=make_notes(f"mode `{mode.name}` is defined here", mode.origin),
-                help="check the unit (`mN`, `N`, `kN`)", allow=True,
+                help="check the unit (`mN`, `N`, `kN`)",
             )
 
 
@@ -115,7 +115,7 @@ def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: C
             mode.origin, path=mode.name, notes=make_notes(
                 f"the magnet of `{other}` is switched on here", written[mode.name].get(other, ()),
             ),
-            help=f"write `root: {other}`, or switch on the magnet at `{shown}` too", allow=True,
+            help=f"write `root: {other}`, or switch on the magnet at `{shown}` too",
         )
 
 
@@ -128,7 +128,7 @@ def _check_alike(modes: Sequence[LinkedMode], findings: LinkReport) -> None:
             findings.warn(
                 Code.ALIKE, f"mode `{mode.name}` is identical to mode `{first.name}`", mode.origin, path=mode.name,
                 notes=make_notes(f"mode `{first.name}` is defined here", first.origin),
-                help="change or remove one of the two modes, and check the key `extends`", allow=True,
+                help="change or remove one of the two modes, and check the key `extends`",
             )
 
 

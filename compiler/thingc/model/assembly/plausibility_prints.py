@@ -67,7 +67,7 @@ def check_processes(tree: Tree, occurrences: Sequence[Occurrence]) -> None:
 
 
 def _warn(doubt: _Doubt, process: Process, outer: Sequence[Span], path: str, notes: Sequence[Note], findings: LinkReport) -> None:
-    findings.warn(Code.PROCESS, doubt.words, (*process.origins[doubt.key], *outer), path=path, help=doubt.help, allow=True, notes=notes)
+    findings.warn(Code.PROCESS, doubt.words, (*process.origins[doubt.key], *outer), path=path, help=doubt.help, notes=notes)
 
 
 def _doubts(process: Process, keys: Collection[str]) -> Iterator[_Doubt]:

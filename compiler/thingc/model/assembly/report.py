@@ -39,9 +39,9 @@ class LinkReport:
 
     def warn(
         self, code: Code, message: str, origin: Origin, *, path: str | None = None, help: Hint | None = None, notes: Iterable[Note] = (),
-        allow: bool = False,
+        allow: bool = True,
     ) -> bool:
-        """Report a warning at `origin`, unless an equal warning has been reported.
+        """Report a warning at `origin`, unless an equal warning has been reported. With `allow`, the output shows how to suppress it.
 
         Return False if the document suppresses the warning at this location.
         """

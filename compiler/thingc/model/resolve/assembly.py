@@ -126,7 +126,7 @@ def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
     poses(table, scope)
     if top:
         motions(context, table, scope)
-    resolved = tuple(components(context, table, placements, unreadable=table.materials_unreadable))
+    resolved = tuple(components(context, table, placements))
     model = _definition(context, table, resolved, links, top)
     table.definition = replace(model, omitted=_omitted_details(scope, spec.detail, model)) if top and spec.detail is not None else model
 

@@ -174,20 +174,16 @@ def _known_material(context: ResolveRun, table: DocumentScope, name: str, path: 
     return False
 
 
-def documents_and_parts(choices: Mapping[str, str]) -> tuple[list[str], list[str]]:
-    """Return the documents and the part classes that the choices select, which must be loaded.
-
-    Paths of documents are relative to the top document.
-    """
-    return _choice_names(choices, "assembly"), _choice_names(choices, "part")
-
-
 def chosen_files(choices: Mapping[str, str], document: str) -> list[str]:
     """Return the absolute paths of part files that choices select. The file names in choices are relative to the top document."""
-    paths = [resolve_path(text, os.path.abspath(document)) for text in _choice_names(choices, "file")]
+    paths = [resolve_path(text, os.path.abspath(document)) for text in chosen_texts(choices, "file")]
     return [path for path in paths if path is not None]
 
 
-def _choice_names(choices: Mapping[str, str], key: str) -> list[str]:
+def chosen_texts(choices: Mapping[str, str], key: str) -> list[str]:
+    """Return the part classes (`part`), files (`file`) or documents (`assembly`) that the choices select, without duplicates.
+
+    Paths of files and documents are relative to the top document.
+    """
     paths: Iterable[tuple[ChoicePath | None, str]] = ((parse(path), text) for path, text in choices.items())
     return list(dict.fromkeys(text for choice, text in paths if choice is not None and choice.key == key))

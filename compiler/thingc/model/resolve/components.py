@@ -159,9 +159,7 @@ def _given_values(context: ResolveRun, node: ComponentScope, relative: str, spec
     return check_values(context, document, spec, values, f"`{spec.name}`", complain, scope.names)
 
 
-def components(
-    context: ResolveRun, table: DocumentScope, placements: dict[str, Attach | At | None], *, unreadable: bool,
-) -> Iterator[Component]:
+def components(context: ResolveRun, table: DocumentScope, placements: dict[str, Attach | At | None]) -> Iterator[Component]:
     """Yield the components of a document, in the order of the document.
 
     Invalid components do not have a definition, and later passes skip them.
@@ -169,27 +167,26 @@ def components(
     defaults = table.spec.defaults.component if table.spec.defaults is not None else None
     default_layers: tuple[tuple[ComponentDefaults, Path], ...] = ((defaults, ("defaults", "component")),) if defaults is not None else ()
     # report errors in the defaults even if no component uses them
-    properties.material(table.scope, DefaultLayers(default_layers), table.materials, unreadable=unreadable)
+    properties.material(table.scope, DefaultLayers(default_layers), table.materials, unreadable=table.materials_unreadable)
     properties.overrides(table.scope, DefaultLayers(default_layers))
     for node in table.nodes.values():
         place = ("component", table.document.relative, *context.route, node.name)
         names = context.memo(("names", *place), names_in, node.spec, defaults)
         inputs = (
             node.spec, defaults, tuple(node.scope.names.get(name) for name in names), node.definition, node.shapes, node.unsound,
-            node.unplaced, placements.get(node.name), table.materials, node.mounts, unreadable,
+            node.unplaced, placements.get(node.name), table.materials, node.mounts, table.materials_unreadable,
         )
-        yield context.sound(place, inputs, partial(_component, node, table, placements.get(node.name), default_layers, unreadable))
+        yield context.sound(place, inputs, partial(_component, node, table, placements.get(node.name), default_layers))
 
 
 def _component(
     node: ComponentScope, table: DocumentScope, placement: Attach | At | None, default_layers: tuple[tuple[ComponentDefaults, Path], ...],
-    unreadable: bool,
 ) -> Component:
     scope = node.scope
     is_part = node.spec.part is not None or node.spec.file is not None
     layers = DefaultLayers(((node.spec, node.path), *(default_layers if is_part else ())))
     nested = node.spec.assembly is not None
-    material = None if nested else properties.material(scope, layers, table.materials, unreadable=unreadable)
+    material = None if nested else properties.material(scope, layers, table.materials, unreadable=table.materials_unreadable)
     overrides = properties.NO_OVERRIDES if nested else properties.overrides(scope, layers)
     if node.shapes:
         targets = {name: replace(choice, shapes=node.shapes.get(name)) for name, choice in overrides.targets.items()}

@@ -194,8 +194,7 @@ def _set_matching(table: DocumentScope, scope: Scope, joints: Joints, key: str, 
         )
     else:
         scope.error(
-            Code.NO_MATCH, f"pattern `{key}` matches no joint", path, key=True,
-            help=suggest(key, _settable_joints(joints), what="joints"),
+            Code.NO_MATCH, f"pattern `{key}` matches no joint", path, key=True, help=suggest(key, _settable_joints(joints), what="joints"),
         )
 
 

@@ -107,8 +107,7 @@ def moving_joint(table: DocumentScope, scope: Scope, text: str, place: Path, can
     if joint is None:
         if CoordinateName(text) not in table.joints and not any(f"{text}_".startswith(prefix) for prefix in table.unbuilt_joints):
             scope.error(
-                Code.UNKNOWN_JOINT, f"this document has no joint `{text}`", place, key=key,
-                help=suggest(text, table.joints, what="joints"),
+                Code.UNKNOWN_JOINT, f"this document has no joint `{text}`", place, key=key, help=suggest(text, table.joints, what="joints"),
             )
         return None
     if joint.twist is None or joint.kind.at_once:

@@ -179,8 +179,7 @@ def _check_poses(robots: Sequence[Robot], report: Report) -> None:
         report.warn(
             Code.POSE_MOVED, f"pose `{pose.name}` sets `{path}` to {old}, but the loops of the robot close only at {new}{lost}{others}",
             pose.origins[path], path=pose.name,
-            help=f"write `{joints[path].name}: {new}`, or remove joints from the pose, so that thingc can move them",
-            allow=True,
+            help=f"write `{joints[path].name}: {new}`, or remove joints from the pose, so that thingc can move them", allow=True,
         )
 
 

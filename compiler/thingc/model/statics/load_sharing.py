@@ -24,7 +24,7 @@ from scipy.optimize import nnls
 
 from thingc.base.memo import Memo
 from thingc.base.numeric import hypot, isinf, pi
-from thingc.base.pose import Pose
+from thingc.base.pose import Pose, add_scaled, cross
 from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.robot.loop_solver import Loops, SolverState
 from thingc.model.robot.types import Robot
@@ -82,7 +82,8 @@ def balance(
     free = _null_space(np.array(closing, dtype=np.float64).reshape(count, -1).T)
     known, pushed = np.array([load[path] for path in paths]), np.zeros((count, 0))
     if stands is not None:
-        known = np.concatenate([known, np.array(stands.weight) * size, stands.turning])
+        torque = cross(add_scaled(stands.centre, stands.origin, -1.0), stands.weight)
+        known = np.concatenate([known, np.array(stands.weight) * size, torque])
         J = list(_feet(following, stands, column, size))
         known -= sum((foot.pull * moves[2] for foot, moves in zip(stands.feet, J, strict=True)), np.zeros(count))
         pushed = np.hstack([pushed, *(moves.T @ edges(foot.friction).T for foot, moves in zip(stands.feet, J, strict=True))])

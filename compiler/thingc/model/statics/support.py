@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from thingc.base.numeric import dist, hypot, inf, maximum, minimum, sum_of
-from thingc.base.pose import Pose, Vector, add_scaled, cross
+from thingc.base.pose import Pose, Vector
 from thingc.model.robot.kinematics import in_world, with_ancestors
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
@@ -42,11 +42,6 @@ class Support(NamedTuple):
     origin: Vector
     centre: Vector
     weight: Vector
-
-    @property
-    def turning(self) -> Vector:
-        """Return the torque [N m] of the weight about `origin`."""
-        return cross(add_scaled(self.centre, self.origin, -1.0), self.weight)
 
 
 def stance(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Support:
