@@ -14,7 +14,7 @@ from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.modes import links_named, mount_of
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.tendon_paths import course
-from thingc.model.assembly.types import LinkedMount, LinkedSensor, LinkedTendon, Occurrence, TendonStep
+from thingc.model.assembly.types import LinkedSensor, LinkedTendon, Occurrence, TendonStep
 from thingc.model.resolve.types import PathStep, TendonLength, Wrap
 
 
@@ -93,11 +93,7 @@ def set_rest_length(
     """
     if not tendon.steps:
         return tendon
-
-    def pose(mount: LinkedMount) -> Pose:
-        return rest[mount.occurrence] @ occurrences[mount.occurrence].mounts[mount.mount].pose
-
-    at = {mount.path: pose(mount) for mount in tendon.mounts}
+    at = {mount.path: rest[mount.occurrence] @ occurrences[mount.occurrence].mounts[mount.mount].pose for mount in tendon.mounts}
     for step in tendon.steps:
         if step.mount is not None and step.side is not None and step.radius is not None:
             x, y, z = at[step.mount.path].inverse().apply(at[step.side.path].translation)

@@ -84,7 +84,7 @@ def pairs(
                 )
 
 
-def _pairs_of(table: DocumentScope, scope: Scope, spec: PairSpec, path: Path) -> list[ContactPair[Reference]]:
+def _pairs_of(table: DocumentScope, scope: Scope, spec: PairSpec, path: Path) -> Iterator[ContactPair[Reference]]:
     origin = scope.origin((*path, "between"))
     sides = [components_fitting(table, scope, text, (*path, "between", side), origin) for side, text in enumerate(spec.between)]
     margin, gap = (scope.number(getattr(spec, key), (*path, key), LENGTH, f"`{key}`", least=0.0) for key in ("margin", "gap"))
@@ -100,9 +100,8 @@ def _pairs_of(table: DocumentScope, scope: Scope, spec: PairSpec, path: Path) ->
         )
     coefficients = friction(scope, spec.friction, (*path, "friction"))
     unique = {frozenset(ends): ends for ends in product(*sides) if len(set(ends)) == 2}
-    return [
-        ContactPair(one=one, other=other, friction=coefficients, margin=margin, gap=gap, origin=origin) for one, other in unique.values()
-    ]
+    for one, other in unique.values():
+        yield ContactPair(one=one, other=other, friction=coefficients, margin=margin, gap=gap, origin=origin)
 
 
 def groups(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> Iterator[ContactGroup[Reference]]:

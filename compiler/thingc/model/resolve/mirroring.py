@@ -29,14 +29,24 @@ AT_MOUNT = Mirror("y")
 """The reflection D in the frame of a mount."""
 
 
-def mirror_assembly(definition: AssemblyDefinition, axis: str) -> AssemblyDefinition:
+def mirror_assembly(definition: AssemblyDefinition, axis: str, met: dict[int, AssemblyDefinition] | None = None) -> AssemblyDefinition:
     """Create the mirror image of an assembly, reflected along `axis` of the assembly's frame.
 
     If the assembly is already a mirror image along this axis, return the original.
 
-    No component in the assembly may be mirrored along another axis (see `other_axis`).
+    No component in the assembly may be mirrored along another axis (see `other_axis`). `met` contains the mirror images of nested
+    assemblies, so that equal definitions remain the same object.
     """
-    return _mirror_cached(definition, axis, {})
+    met = {} if met is None else met
+    if definition.plain is not None:
+        return definition.plain
+    if id(definition) not in met:
+        met[id(definition)] = replace(
+            definition, text=with_mirror(definition.text, axis), label=with_mirror(definition.label, axis), mirror=axis, plain=definition,
+            components=tuple(_component(component, axis, met) for component in definition.components),
+            joints=tuple(map(_mirror_joint, definition.joints)),
+        )
+    return met[id(definition)]
 
 
 def other_axis(definition: AssemblyDefinition, axis: str) -> tuple[str, str] | None:
@@ -53,19 +63,6 @@ def other_axis(definition: AssemblyDefinition, axis: str) -> tuple[str, str] | N
     return None
 
 
-def _mirror_cached(definition: AssemblyDefinition, axis: str, met: dict[int, AssemblyDefinition]) -> AssemblyDefinition:
-    """Create the mirror image of an assembly. `met` caches results, so that equal definitions remain the same object."""
-    if definition.plain is not None:
-        return definition.plain
-    if id(definition) not in met:
-        met[id(definition)] = replace(
-            definition, text=with_mirror(definition.text, axis), label=with_mirror(definition.label, axis), mirror=axis, plain=definition,
-            components=tuple(_component(component, axis, met) for component in definition.components),
-            joints=tuple(map(_mirror_joint, definition.joints)),
-        )
-    return met[id(definition)]
-
-
 def _component(component: Component, axis: str, met: dict[int, AssemblyDefinition]) -> Component:
     definition, bom = component.definition, component.bom
     if isinstance(definition, PartDefinition):
@@ -73,7 +70,7 @@ def _component(component: Component, axis: str, met: dict[int, AssemblyDefinitio
     if isinstance(definition, PartDefinition | LinkDefinition):
         definition = definition.plain or definition.mirror_image(axis)
     elif definition is not None:
-        definition = _mirror_cached(definition, axis, met)
+        definition = mirror_assembly(definition, axis, met)
     return replace(
         component, definition=definition, bom=bom, image_of=component, overrides=_overrides(component.overrides, axis),
         placement=_placement(component.placement) if component.placement is not None else None,

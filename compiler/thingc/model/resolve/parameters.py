@@ -171,7 +171,7 @@ class AssemblyParameters:
         replace some of these strings.
         """
         root, context = self._context.documents.root, replace(self._context, report=Report(), quantities=quantities)
-        valid = from_command_line(context, root, self._spec, texts)
+        valid = from_command_line(context, self._spec, texts)
         values = evaluate_parameters(root, self._spec, valid, Report(), context.doubts(root)).values
         return {name: value for name, value in values.items() if name in valid or name not in texts}
 
@@ -292,20 +292,18 @@ def _check_own_bounds(scope: Scope, name: str, entry: ParameterSpec, bounds: dic
         scope.error(Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule}, found {found}", value_path, notes=[note])
 
 
-def from_command_line(
-    context: ResolveRun, document: Document, spec: AssemblySpec, texts: Mapping[str, str],
-) -> dict[str, ExpressionValue | Expression]:
-    """Parse options `-p NAME=VALUE` and return the values of parameters.
+def from_command_line(context: ResolveRun, spec: AssemblySpec, texts: Mapping[str, str]) -> dict[str, ExpressionValue | Expression]:
+    """Parse options `-p NAME=VALUE` and return the values of parameters of the root document, whose model is `spec`.
 
     Error messages contain the name of the parameter instead of a location in a document.
     """
-    report = context.report
+    report, document = context.report, context.documents.root
 
-    def complain(name: str, code: Code, message: str, *, help: Hint | None = None, notes: object = ()) -> None:
+    def complain(name: str, code: Code, message: str, *, help: Hint | None = None, notes: Iterable[Note] = ()) -> None:
         del code  # all errors of -p have the same code, because the code determines the exit status
-        report.add(Code.PARAMETER_OPTION, message, None, help=help, path=f"-p {name}", notes=notes)  # type: ignore[arg-type]
+        report.add(Code.PARAMETER_OPTION, message, None, help=help, path=f"-p {name}", notes=notes)
 
-    values_given, expressions = _parse_options(context, document, spec, texts, complain)
+    values_given, expressions = _parse_options(context, spec, texts, complain)
     valid: dict[str, ExpressionValue | Expression] = dict(check_values(context, document, spec, values_given, f"`{spec.name}`", complain))
     if not expressions:
         return valid
@@ -324,10 +322,10 @@ def from_command_line(
 
 
 def _parse_options(
-    context: ResolveRun, document: Document, spec: AssemblySpec, texts: Mapping[str, str], complain: Complain,
+    context: ResolveRun, spec: AssemblySpec, texts: Mapping[str, str], complain: Complain,
 ) -> tuple[dict[str, ExpressionValue], dict[str, Expression]]:
     """Parse the values of parameters from the command line, which can be expressions. Invalid values are reported."""
-    table = declared_parameters(context, document, spec)
+    table = declared_parameters(context, context.documents.root, spec)
     values: dict[str, ExpressionValue] = {}
     expressions: dict[str, Expression] = {}
     for name, text in texts.items():
@@ -343,7 +341,7 @@ def _parse_options(
             values[name] = value
         elif (unknown := next((use.name for use in value.names if use.name not in spec.parameters), None)) is None:
             expressions[name] = value
-        elif not context.doubts(document).lacks("parameters"):
+        elif not context.doubts(context.documents.root).lacks("parameters"):
             help = did_you_mean(unknown, spec.parameters, what="parameters")
             complain(name, Code.PARAMETER_OPTION, f"unknown name `{unknown}` in `{shorten(text)}`", help=help)
     return values, expressions
@@ -361,9 +359,9 @@ def _parse_parameter(text: str, declared: ExpressionValue | None) -> ExpressionV
         return text
     if stripped in ("true", "false"):
         return stripped == "true"
-    if isinstance(declared, Quantity):
-        return parse_quantity(stripped)
     try:
         return parse_quantity(stripped)
     except UnitError:
+        if isinstance(declared, Quantity):
+            raise
         return text

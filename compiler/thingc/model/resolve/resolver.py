@@ -75,7 +75,7 @@ def resolve(
     )
     context.recall()
     context.nesting.append(root.relative)
-    given = from_command_line(context, root, spec, settings.parameters)
+    given = from_command_line(context, spec, settings.parameters)
     chosen = choose.from_command_line(context, settings.choices) if settings.choices else ()
     try:
         table = resolve_assembly(context, root.relative, spec, given, chosen, top=True)

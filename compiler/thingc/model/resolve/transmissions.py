@@ -6,6 +6,7 @@ length of the tendon is the position of the actuator, so that forces, speeds and
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
@@ -98,10 +99,7 @@ class _Reader:
                     moves=tuple((joint.name, factor) for joint, factor in zip(sound, row, strict=True)), origin=self.scope.origin(place),
                 ))
         if all(len(row) == len(joints) for row in rows):
-            sizes = [maximum(map(abs, row)) for row in rows]
-            least = SINGULAR
-            for size in sizes:
-                least = least * size
+            least = math.prod((maximum(map(abs, row)) for row in rows), start=SINGULAR)
             if not abs(_determinant(rows)) > least:
                 self.fault(f"the `matrix` of {self.what} is singular: the actuators cannot move all joints independently",
                            (*path, "matrix"), "write linearly independent rows, for example `[[1, 1], [1, -1]]`")

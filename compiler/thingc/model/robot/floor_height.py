@@ -107,9 +107,8 @@ def _lowest(
             if isinstance(shape, Primitive):
                 if minimum(shape.size) > 0.0 and shape.shape != "plane":
                     lowest = minimum(lowest, pose.translation[2] + shape.lowest(pose.rotation[2]))
-            elif shape.flat:  # MuJoCo ignores collisions of meshes without volume
-                continue
-            else:  # the collision shapes of a Thing, or of a document, may extend beyond the box of the part
+            elif not shape.flat:  # MuJoCo ignores collisions of meshes without volume
+                # the collision shapes of a Thing, or of a document, may extend beyond the box of the part
                 bound = -inf if part.overrides.collision in ("part", "shapes") else low - ROUNDING
                 meshes.append((bound, number, index, shape, pose @ surface.pose))
     for bound, number, index, mesh, pose in sorted(meshes, key=lambda entry: entry[:3]):
