@@ -57,10 +57,11 @@ class Workers:
     """The worker processes of one service: a single process that forks if the system supports fork, otherwise one process per job.
 
     Processes are started when they are first needed. `close` or the end of this process ends the worker processes. `seed` is the Python
-    hash seed of the workers, which determines the iteration order of sets of strings. `there` is False if no worker will ever be started.
+    hash seed of the workers, which determines the iteration order of sets of strings. `available` is False if no worker will ever be
+    started.
     """
 
-    there = True
+    available = True
 
     def __init__(self, jobs: int, *, forking: bool = CAN_FORK, seed: int = 0) -> None:
         self.jobs = max(1, jobs)
@@ -157,47 +158,47 @@ class Workers:
         sent. Raises `WorkerBroken` if no worker can be started.
         """
         source = iter(requests)
-        waiting: deque[Mapping[str, Any]] = deque()
-        under_way: set[int] = set()
+        to_send: deque[Mapping[str, Any]] = deque()
+        sent: set[int] = set()
         ended_workers = 0
         while True:
-            if not (waiting or under_way):
-                waiting.extend(islice(source, 1))
-                if not waiting:
+            if not (to_send or sent):
+                to_send.extend(islice(source, 1))
+                if not to_send:
                     return
             self.ensure()
-            self._hand_out(waiting, source, under_way)
+            self._hand_out(to_send, source, sent)
             message = self._next_message()
             if message is None:
                 continue
             worker, answer, is_alive = message
             if not is_alive:
-                lost = {number: request for number, request in worker.unanswered.items() if number in under_way}
-                under_way -= lost.keys()
+                lost = {number: request for number, request in worker.unanswered.items() if number in sent}
+                sent -= lost.keys()
                 ended_workers += 1
                 if self.forking and ended_workers == 1:  # the forking server ended for an unknown reason: send the requests a second time
-                    waiting.extendleft(reversed(lost.values()))
+                    to_send.extendleft(reversed(lost.values()))
                 else:
                     yield from ((request, dict(answer)) for request in lost.values())
                 continue
             number, request = self._match_answer(worker, answer)
-            if number in under_way and request is not None:  # otherwise the answer belongs to a run that was abandoned
-                under_way.remove(number)
+            if number in sent and request is not None:  # otherwise the answer belongs to a run that was abandoned
+                sent.remove(number)
                 yield request, answer
 
-    def _hand_out(self, waiting: deque[Mapping[str, Any]], source: Iterator[Mapping[str, Any]], under_way: set[int]) -> None:
-        """Send each worker process as many requests as it has capacity for. Requests in `waiting` come before requests from `source`."""
+    def _hand_out(self, to_send: deque[Mapping[str, Any]], source: Iterator[Mapping[str, Any]], sent: set[int]) -> None:
+        """Send each worker process as many requests as it has capacity for. Requests in `to_send` come before requests from `source`."""
         for worker in self._processes:
             limit = (2 * self.jobs if self.forking else 1) - (len(worker.unanswered) - len(self._begun))
-            waiting.extend(islice(source, max(0, limit - len(waiting))))
-            for _ in range(min(limit, len(waiting))):
-                request = waiting.popleft()
+            to_send.extend(islice(source, max(0, limit - len(to_send))))
+            for _ in range(min(limit, len(to_send))):
+                request = to_send.popleft()
                 number = self._begun.pop(_request_text(request), None)  # the number of a request that `begin` has sent
                 if number is None:
                     number = self._send(worker, request)
                 elif number in self._early:  # the answer has already arrived
                     self._lines.put(self._early.pop(number))
-                under_way.add(number)
+                sent.add(number)
 
     def _next_message(self) -> tuple[_Process, dict[str, Any], bool] | None:
         """Wait for a message from any worker process.
@@ -293,7 +294,7 @@ class Workers:
 class NoWorkers(Workers):
     """A replacement for `Workers` that does not start processes. Each request gets a failure of the kind `ABSENT`."""
 
-    there = False
+    available = False
 
     def __init__(self) -> None:
         super().__init__(1)

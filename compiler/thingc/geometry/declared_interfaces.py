@@ -33,8 +33,8 @@ def contradictions(features: Iterable[MatingFeature], mount: Pose, measured: Fea
     holes, solids = (list(_rounds(mount, measured, hollow)) for hollow in (True, False))
     faces = [mount.inverse().apply(one.centre) for one in measured.planes if dist(one.normal, transpose(mount.rotation)[2]) <= SAME]
     tops = [*(one.high for one in solids if one.away(0.0, 0.0) <= SAME), *(w for u, v, w in faces if hypot(u, v) <= SAME)]
-    found = ((one, _difference(one, holes, solids, tops)) for one in features)
-    return tuple(f"{one}, but {difference}" for one, difference in found if difference is not None)
+    comparisons = ((one, _difference(one, holes, solids, tops)) for one in features)
+    return tuple(f"{one}, but {difference}" for one, difference in comparisons if difference is not None)
 
 
 def _rounds(mount: Pose, measured: Features, hollow: bool) -> Iterable[_Round]:

@@ -87,8 +87,8 @@ class PrintSolid:
         areas = np.bincount(numbers.ravel(), sizes).round(3)
         units = faces / np.linalg.norm(faces, axis=1, keepdims=True) + 0.0
         largest = sorted(zip((-areas).tolist(), map(tuple, units.tolist()), strict=True))[:DIRECTIONS]
-        found = [(round(volume := self.support(up)[1]), area, up != UPRIGHT, up, volume) for area, up in largest]
-        return min(found)[3:]
+        candidates = [(round(volume := self.support(up)[1]), area, up != UPRIGHT, up, volume) for area, up in largest]
+        return min(candidates)[3:]
 
 
 def _facets(vertices: Array, faces: NDArray[np.int64]) -> tuple[Array, Array, Array]:

@@ -106,10 +106,10 @@ class PartSchema(OneLineRepr, FrozenStruct):
         """Create a part definition from values for all parameters. The values are in SI units."""
         kinds, defaults = {parameter.name: parameter.kind for parameter in self.parameters}, self.defaults
         parameters = tuple(sorted(values.items()))
-        words = {name: format_value(kinds[name], value, LABEL_DIGITS) for name, value in parameters}
+        display_values = {name: format_value(kinds[name], value, LABEL_DIGITS) for name, value in parameters}
         return PartDefinition(
             reference=self.reference, kind="code", parameters=parameters, text=definition_text(self.reference, values, defaults),
-            words=tuple(words.values()), label=definition_label(self.reference, values, defaults, words),
+            words=tuple(display_values.values()), label=definition_label(self.reference, values, defaults, display_values),
         )
 
 

@@ -132,7 +132,7 @@ class GeometryService:
         Return whether the method started to load the kernel. Call this method before reading documents, because loading the kernel takes
         longest. If the workspace has a lock file, the kernel is not loaded.
         """
-        if needed := not self._locked.there and self._results.files_changed():
+        if needed := not self._locked.exists and self._results.files_changed():
             self.warm()
         return needed
 
@@ -342,7 +342,7 @@ class GeometryService:
 
         def needed_requests() -> Iterator[dict[str, Any]]:
             # without workers, do not wait for other processes
-            has_workers = self._calls.workers is None or self._calls.workers.there
+            has_workers = self._calls.workers is None or self._calls.workers.available
             for task in tasks:
                 if has_workers and not self._build_locks.take(task.build_key.key):
                     built_elsewhere.append(task)
@@ -448,10 +448,10 @@ class GeometryService:
         results = {brep: self.store.get_json("searches", key) for brep, key in keys.items()}
         missing = [brep for brep, result in results.items() if result is None]
         if missing:
-            found = self._calls.call_kernel(function, op="search", function=function, breps=missing)["found"]
-            for brep, result in found.items():
+            new_results = self._calls.call_kernel(function, op="search", function=function, breps=missing)["found"]
+            for brep, result in new_results.items():
                 self.store.put_json("searches", keys[brep], result)
-            results |= found
+            results |= new_results
         return {brep: convert(result, kind) for brep, result in results.items()}
 
     def _show_printed(self, part: str, answer: Mapping[str, Any]) -> None:

@@ -60,7 +60,7 @@ class LockAnswers:
         return lock
 
     @property
-    def there(self) -> bool:
+    def exists(self) -> bool:
         """Whether a lock file exists and may be used."""
         return self._read is not None and os.path.lexists(lock_path(self.workspace))
 

@@ -197,8 +197,8 @@ class SharedStore(Store):
         except StoreUnusable:
             raise
         except Exception as fault:
-            words = " ".join(str(fault).split()) or type(fault).__name__
-            raise StoreUnusable(self.url, words) from fault
+            message = " ".join(str(fault).split()) or type(fault).__name__
+            raise StoreUnusable(self.url, message) from fault
 
 
 def _hashes(value: Any) -> Iterator[str]:

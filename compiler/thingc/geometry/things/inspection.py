@@ -261,7 +261,7 @@ def color_of(thing: Thing) -> str | None:
 def bom_of(thing: Thing) -> dict[str, str]:
     """Return the entries of the part for the bill of materials. Raises `TypeError` if the attribute `bom` is not a mapping of strings."""
     bom = thing.bom
-    if not isinstance(bom, Mapping) or not all(isinstance(word, str) for pair in bom.items() for word in pair):
+    if not isinstance(bom, Mapping) or not all(isinstance(text, str) for pair in bom.items() for text in pair):
         raise TypeError(f"`bom` of `{type(thing).__name__}` must map strings to strings, found {bom!r}")
     return dict(bom)
 

@@ -141,18 +141,18 @@ class PartSession:
             if fault.name is not None and (module_name == fault.name or module_name.startswith(fault.name + ".")):
                 raise NoPart("missing", f"there is no module `{module_name}`") from None
             raise
-        named: Any = module
+        part: Any = module
         for step in name.split("."):
             try:
-                named = getattr(named, step)
+                part = getattr(part, step)
             except AttributeError:
                 names = sorted(
-                    f"{module_name}:{own}" for own, value in vars(module).items()
-                    if not own.startswith("_") and getattr(value, "__module__", None) == module_name and is_part(value)
+                    f"{module_name}:{member}" for member, value in vars(module).items()
+                    if not member.startswith("_") and getattr(value, "__module__", None) == module_name and is_part(value)
                 )
                 raise NoPart("missing", f"`{module_name}` has no `{name}`", names) from None
         self.loaded = monotonic()
-        return named
+        return part
 
     def failure(self, subject: str, fault: BaseException) -> PartFailure:
         """Convert an exception of part code to a `PartFailure`. The failure refers to the innermost line in the authors' files.

@@ -197,7 +197,7 @@ def _from_file(definition: dict[str, Any], context: RequestContext) -> BuiltPart
     unit = parse_quantity(f"1 {definition['parameters'].get('unit', FILE_UNIT)}").value * convert.MM
     shapes, colors, repairs = read_part(os.path.join(context.root, definition["reference"]), unit)
     color, color_warnings = _color(None, colors)
-    warnings = (*color_warnings, *(PartWarning(message=words) for words in repairs))
+    warnings = (*color_warnings, *(PartWarning(message=repair) for repair in repairs))
     return BuiltPart(
         shapes=shapes, record=PartRecord(text=definition["text"], color=color, warnings=warnings), file=True,
         faceted=definition["reference"].lower().endswith(SUFFIXES), faces=definition["parameters"].get("faces"),
@@ -258,9 +258,9 @@ def _expectation(expected: Any) -> MountExpectation:
     values = {name: convert.to_si(schemas[name].kind, value) for name, value in expected.parameters.items() if name in schemas}
     defaults = {name: convert.to_si(p.kind, p.default) for name, p in schemas.items() if not p.required}
     named = (f"{family.__module__}:{family.__qualname__}", values, defaults)
-    words = {name: format_value(schemas[name].kind, value, LABEL_DIGITS) for name, value in values.items()}
+    texts = {name: format_value(schemas[name].kind, value, LABEL_DIGITS) for name, value in values.items()}
     return MountExpectation(
-        mount=expected.mount, text=definition_text(*named), label=definition_label(*named, words), child_mount=expected.child_mount,
+        mount=expected.mount, text=definition_text(*named), label=definition_label(*named, texts), child_mount=expected.child_mount,
     )
 
 

@@ -105,10 +105,10 @@ def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Stor
 
     def group(path: str) -> Any:
         if path not in groups:
-            outer, _, own = path.rpartition("/")
+            outer, _, last_name = path.rpartition("/")
             label = shapes.NewShape()
             _name(label, path.replace("/", "."))
-            _name(shapes.AddComponent(group(outer), label, TopLoc_Location()), own)
+            _name(shapes.AddComponent(group(outer), label, TopLoc_Location()), last_name)
             groups[path] = label
         return groups[path]
 
@@ -128,10 +128,10 @@ def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Stor
             while is_compound and color is not None and children.More():
                 colors.SetColor(shapes.AddSubShape(label, children.Value()), color, XCAFDoc_ColorType.XCAFDoc_ColorSurf)
                 children.Next()
-        outer, _, own = instance["path"].rpartition("/")
+        outer, _, last_name = instance["path"].rpartition("/")
         placed = TopLoc_Location(transformation(convert(instance["pose"], Pose)))
         component = shapes.AddComponent(group(outer), definitions[shared], placed)
-        _name(component, own)
+        _name(component, last_name)
         if color is not None and not is_compound:
             colors.SetColor(component, color, XCAFDoc_ColorType.XCAFDoc_ColorSurf)
     shapes.UpdateAssemblies()
