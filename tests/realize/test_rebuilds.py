@@ -63,6 +63,16 @@ def realize(place: Any, definitions: list[Any]) -> tuple[list[str], dict[str, An
         return sorted(service.modelled), found, reasons
 
 
+@pytest.fixture(scope="module")
+def before(module_place: Any, define: Callable[..., Any]) -> dict[str, Any]:
+    """Return the records of the unchanged files, modelled once."""
+    for name, text in FILES.items():
+        module_place.write(f"parts/{name}.py", text)
+    modelled, records, reasons = realize(module_place, [define(text) for text in TEXTS])
+    assert modelled == sorted(TEXTS) and set(reasons.values()) == {"first time"}
+    return records
+
+
 @pytest.mark.parametrize(
     ("file", "old", "new", "modelled", "different"),
     [
@@ -75,16 +85,13 @@ def realize(place: Any, definitions: list[Any]) -> tuple[list[str], dict[str, An
     ],
 )
 def test_code_edits_rebuild_only_affected_parts(
-    place: Any, define: Callable[..., Any], file: str, old: str, new: str, modelled: list[str], different: list[str],
+    module_place: Any, before: dict[str, Any], define: Callable[..., Any], file: str, old: str, new: str, modelled: list[str],
+    different: list[str],
 ) -> None:
-    for name, text in FILES.items():
-        place.write(f"parts/{name}.py", text)
     definitions = [define(text) for text in TEXTS]
-    first, before, reasons = realize(place, definitions)
-    assert first == sorted(TEXTS)
-    assert set(reasons.values()) == {"first time"}
-    place.write(f"parts/{file}.py", FILES[file].replace(old, new))
-    again, after, reasons = realize(place, definitions)
+    module_place.write(f"parts/{file}.py", FILES[file].replace(old, new))
+    again, after, reasons = realize(module_place, definitions)
+    module_place.write(f"parts/{file}.py", FILES[file])
     assert again == modelled
     for text in TEXTS:
         unchanged = "no dependency changed since it was modelled (first time)"
@@ -93,8 +100,7 @@ def test_code_edits_rebuild_only_affected_parts(
             before[text].volume, before[text].meshes, before[text].material
         )
         assert same == (text not in different)
-    place.write(f"parts/{file}.py", FILES[file])
-    assert realize(place, definitions)[0] == []  # the records of before are still there
+    assert realize(module_place, definitions)[0] == []  # the records of before are still there
 
 
 def test_class_line_follows_comments(place: Any, define: Callable[..., Any]) -> None:
