@@ -64,6 +64,11 @@ def part(reference: str, **parameters: Value) -> PartDefinition:
     )
 
 
+def modelled_parts(service: GeometryService) -> list[str]:
+    """Return the definition texts of the parts that the last `realize` built, in the order in which they were finished."""
+    return [text for text, decision in service.decisions.items() if not decision.reused]
+
+
 def file_part(path: str) -> PartDefinition:
     """Return the definition of a `file:` part."""
     return PartDefinition(reference=path, kind="file", parameters=(), text=path, label=path)

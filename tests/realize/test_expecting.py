@@ -8,6 +8,7 @@ from typing import Any
 import psutil
 import pytest
 
+from realize.conftest import modelled_parts
 from thingc.geometry.record import PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.geometry.service import GeometryService
 
@@ -54,7 +55,7 @@ def test_matching_speculative_part_is_modelled_once(place: Any, sent: list[str],
     service.expect(before)
     found = made(service)
     assert sent == ["model", "describe"]
-    assert service.modelled == ["blocks:Block"] and service.decisions["blocks:Block"].reason.startswith("module `blocks` changed")
+    assert modelled_parts(service) == ["blocks:Block"] and service.decisions["blocks:Block"].reason.startswith("module `blocks` changed")
     place.store = type(place.store)(f"{place.store.root}-empty")
     assert isinstance(found, PartRecord) and found == made(place.service())
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from realize.conftest import modelled_parts
 from thingc.geometry.client import Workers
 from thingc.geometry.record import PartFailure, PartRecord
 
@@ -161,7 +162,7 @@ def test_warnings_point_to_their_line(failures: dict[str, Any], module_place: An
 def test_deterministic_failures_are_cached(failures: dict[str, Any], module_place: Any, define: Any) -> None:
     with module_place.service() as service:
         service.realize([define(f"bad:{name}") for name in NAMES])
-        assert sorted(service.modelled) == ["bad:Leaves", "bad:Segfaults"]
+        assert sorted(modelled_parts(service)) == ["bad:Leaves", "bad:Segfaults"]
 
 
 def test_line_of_cached_failure_follows_edits(failures: dict[str, Any], module_place: Any, define: Any) -> None:

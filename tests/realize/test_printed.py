@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 import thingc
+from realize.conftest import modelled_parts
 from thingc.geometry.client import Workers
 from thingc.geometry.record import PartFailure, PartRecord
 from thingc.geometry.worker.captured_output import MOST, NAME, SHOWN, WIDTH, keep, lines_of
@@ -79,7 +80,7 @@ def test_part_output_is_reported_once(place: Any, define: Callable[..., Any], he
             service.describe(["talking:Talks", "talking:Quiet"])
             found = service.realize(definitions)
         assert all(isinstance(record, PartRecord) for record in found.values())
-        assert sorted(service.modelled) == ([] if again else sorted(one.text for one in definitions))
+        assert sorted(modelled_parts(service)) == ([] if again else sorted(one.text for one in definitions))
     assert heard == [("talking:Talks", ["width 4.0", "on standard error", "bytes \ufffd", "never ended"])]
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from realize.conftest import modelled_parts
 from thingc.geometry.record import PartFailure
 
 PARTS = """
@@ -102,7 +103,7 @@ def modelled(place: Any, parts: dict[str, Any], files: dict[str, str]) -> set[st
     with place.service() as service:
         found = service.realize(list(parts.values()))
         assert [one.message for one in found.values() if isinstance(one, PartFailure)] == []
-        return {name for name, definition in parts.items() if definition.text in service.modelled}
+        return {name for name, definition in parts.items() if definition.text in modelled_parts(service)}
 
 
 @pytest.mark.parametrize(("file", "old", "new", "expected"), [
@@ -182,7 +183,7 @@ def test_trace_of_other_input_files_is_not_used(place: Any, parts: dict[str, Any
             place.write(f"parts/{name}.py", content)
         place.write("data.txt", data)
         with place.service() as service:
-            return next(iter(service.realize(list(one.values())).values())).volume, service.modelled != []
+            return next(iter(service.realize(list(one.values())).values())).volume, modelled_parts(service) != []
 
     text = FILES["things"]
     assert made("3", text) == (pytest.approx(6 * 6 * 3e-9), True)

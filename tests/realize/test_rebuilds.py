@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 import thingc
+from realize.conftest import modelled_parts
 from thingc.geometry.client import Workers
 from thingc.geometry.key import versions
 from thingc.geometry.record import PartFailure, PartRecord
@@ -58,9 +59,9 @@ def realize(place: Any, definitions: list[Any]) -> tuple[list[str], dict[str, An
     """Return which parts were modelled, the records and the reasons, as in a new process."""
     with place.service() as service:
         found = service.realize(definitions)
-        assert sorted(service.modelled + service.reused) == sorted(found)
+        assert sorted(service.decisions) == sorted(found)
         reasons = {text: decision.reason for text, decision in service.decisions.items()}
-        return sorted(service.modelled), found, reasons
+        return sorted(modelled_parts(service)), found, reasons
 
 
 @pytest.fixture(scope="module")

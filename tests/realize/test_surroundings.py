@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from realize.conftest import modelled_parts
 from thingc.geometry.client import Workers
 from thingc.geometry.key.environment_variables import FIXED, HOMES, TEMPORARY, environment
 from thingc.geometry.record import PartFailure, PartRecord
@@ -114,7 +115,7 @@ def test_passed_variable_is_part_of_the_key(place: Any, define: Callable[..., An
     monkeypatch.setenv("SIZE", "5")
     with place.service() as service:
         service.realize([define("arm:plate")])
-        assert service.modelled == []
+        assert modelled_parts(service) == []
 
 
 def test_scratch_folders_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

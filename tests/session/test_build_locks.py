@@ -67,7 +67,9 @@ for line in sys.stdin:
     with GeometryService(workspace, Store(store), 1, 60.0, workers=workers) as service:
         found = service.realize([block(k / 1000) for k in range(first, last, 1 if first <= last else -1)])
     print(json.dumps({
-        "modelled": service.modelled, "reused": service.reused, "records": {text: repr(record) for text, record in found.items()},
+        "modelled": [text for text, one in service.decisions.items() if not one.reused],
+        "reused": [text for text, one in service.decisions.items() if one.reused],
+        "records": {text: repr(record) for text, record in found.items()},
         "sound": all(isinstance(record, PartRecord) for record in found.values()),
     }), flush=True)
 workers.close()

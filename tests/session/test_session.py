@@ -246,7 +246,7 @@ def test_documents_are_resolved_before_parts_are_built(rig: Path, tmp_path: Path
             assert message is not None or model is not None and "blocks:Block(width=0.04)" in {
                 one.text for one in model.part_definitions()
             }
-        assert session.environment.geometry.modelled == [] == session.environment.geometry.reused
+        assert session.environment.geometry.decisions == {}
 
 
 def test_each_compilation_chooses_modes(rig: Path, shared_store: str) -> None:

@@ -68,14 +68,12 @@ class Dimension(FrozenStruct, kw_only=False):
     @property
     def words(self) -> str:
         """The name of this physical dimension for messages, such as `a length`, `an angle` or `a quantity in m^2*kg`."""
-        named = _WORDS.get(self)
-        return named[0] if named else f"a quantity in {self.symbol}"
+        return _WORDS[self][0] if self in _WORDS else f"a quantity in {self.symbol}"
 
     @property
     def example(self) -> str:
         """An example of a quantity with this physical dimension, such as `120 mm`."""
-        named = _WORDS.get(self)
-        return named[1] if named else f"2 {self.symbol}"
+        return _WORDS[self][1] if self in _WORDS else f"2 {self.symbol}"
 
     @property
     def symbol(self) -> str:

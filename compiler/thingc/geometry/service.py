@@ -60,10 +60,10 @@ class GeometryService:
     At most `jobs` parts are built at the same time. Each part may take at most `timeout` [s]. `on_progress(what, done, total)` is called
     for each part, and `on_printed(part, lines)` with the lines that a part printed.
 
-    After `realize`, `wanted` contains the requested definitions. `modelled` and `reused` contain the definition texts of parts that were
-    built or reused, and `decisions` contains the reasons. `inputs` contains the absolute paths of all files and folders that the answers
-    depend on, including paths that do not exist. `reads` contains the states of the files that an answer depends on, by subject and path.
-    Answers from a lock file have no entry in `reads`. `part_code` contains the source code of the parts that have been requested so far.
+    After `realize`, `wanted` contains the requested definitions, and `decisions` contains the reasons for building or reusing them, by
+    definition text. `inputs` contains the absolute paths of all files and folders that the answers depend on, including paths that do not
+    exist. `reads` contains the states of the files that an answer depends on, by subject and path. Answers from a lock file have no entry
+    in `reads`. `part_code` contains the source code of the parts that have been requested so far.
 
     Pass `workers` to share the workers of a long-lived process. The service does not end shared workers. The function `lock` reads the lock
     file of the workspace when it is first needed. Use `lock` for callers that do not use meshes. The lock file provides parts that are not
@@ -105,16 +105,6 @@ class GeometryService:
 
     def __exit__(self, *exception: object) -> None:
         self.close()
-
-    @property
-    def modelled(self) -> list[str]:
-        """Definition texts of the parts that the last `realize` built, in the order in which they were finished."""
-        return [text for text, decision in self.decisions.items() if not decision.reused]
-
-    @property
-    def reused(self) -> list[str]:
-        """Definition texts of the parts whose records the last `realize` found in the store."""
-        return [text for text, decision in self.decisions.items() if decision.reused]
 
     @property
     def inputs(self) -> frozenset[str]:
