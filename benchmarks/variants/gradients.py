@@ -41,7 +41,7 @@ from mujoco import mjx
 
 import thingc
 from thingc.batch.families import FamilyFunction
-from thingc.batch.plans.program import Operation, Program, expression, word
+from thingc.batch.plans.program import Operation, Program, expression, operand
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
@@ -265,7 +265,7 @@ def in_many_digits(program: Program) -> Callable[..., Sequence[Any]]:
     lines = [one for one in program.statements if isinstance(one, Operation) and one.target in program.needed]
     text = [f"def run({', '.join(f'v{index}' for index in program.variables)}):"]
     text += [f" v{one.target} = {expression(one.operation, one.arguments)}" for one in lines]
-    text.append(f" return [{', '.join(f'mpf({word(one)})' for one in program.outputs)}]")
+    text.append(f" return [{', '.join(f'mpf({operand(one)})' for one in program.outputs)}]")
     same = ("mpf", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sqrt", "radians", "degrees")
     names = {
         **{name: getattr(mpmath, name) for name in same},

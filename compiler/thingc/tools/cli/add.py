@@ -99,8 +99,8 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
     for option, owners in OPTIONS.items():
         if getattr(arguments, option) is not None and kind not in owners:
             option_text = "--name" if option == "component" else "--" + option.replace("_", "-")
-            meant = " or ".join(map(_article, owners))
-            raise console.WrongCommandLine(f"{option_text} applies to {meant}, not to {_article(kind)}", "remove the option")
+            allowed_kinds = " or ".join(map(_article, owners))
+            raise console.WrongCommandLine(f"{option_text} applies to {allowed_kinds}, not to {_article(kind)}", "remove the option")
     if arguments.to is None:
         if kind not in ("part", "assembly"):
             help = f"write, for example, `thingc add {kind} {arguments.name} --to robot.yaml`"
@@ -149,7 +149,7 @@ def _write(
         with signals.delay_signals():
             keep(changes)
     where = [] if documents is None else [f"{shown_path(documents.root.path)}: {'.'.join(keys)}" for keys in addition.values]
-    return _say(arguments, diagnostics, done=[*map(shown_path, addition.files), *where])
+    return _say(arguments, diagnostics, lines=[*map(shown_path, addition.files), *where])
 
 
 def _with_addition(root: Document, addition: DocumentEdit) -> Document:
@@ -176,9 +176,9 @@ def _article(what: str) -> str:
 
 
 def _say(
-    arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], *, done: Sequence[str] = (), texts: Mapping[str, str] | None = None,
+    arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], *, lines: Sequence[str] = (), texts: Mapping[str, str] | None = None,
 ) -> int:
     """Print the elements that were added to the document, or the errors. `texts` are the contents of the changed documents."""
     if arguments.format == "text":
-        console.say(*done)
-    return console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=texts, added=list(done))
+        console.say(*lines)
+    return console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, texts=texts, added=list(lines))

@@ -177,15 +177,15 @@ def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> Doc
     return DocumentEdit(values={("components", component): value}, files=files)
 
 
-def _nested_path(name: str, beside: str | None) -> str:
-    """Return the path of a nested document with the given name, which is in the same folder as the document `beside`.
+def _nested_path(name: str, outer_path: str | None) -> str:
+    """Return the path of a nested document with the given name, which is in the same folder as the document `outer_path`.
 
     A name with the suffix of a document is a path. Otherwise, the function appends the suffix of an existing document, or else the suffix
-    of `beside`.
+    of `outer_path`.
     """
     if name.lower().endswith(DOCUMENT_SUFFIXES):
         return os.path.abspath(name)
-    folder, suffix = ("", ".yaml") if beside is None else (os.path.dirname(beside), os.path.splitext(beside)[1])
+    folder, suffix = ("", ".yaml") if outer_path is None else (os.path.dirname(outer_path), os.path.splitext(outer_path)[1])
     usual, *others = (os.path.abspath(os.path.join(folder, _identifier(name) + one)) for one in (suffix, *DOCUMENT_SUFFIXES))
     return next((path for path in (usual, *others) if os.path.lexists(path)), usual)
 
@@ -214,13 +214,13 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Documen
     if by_sole and arguments.root is not None:
         message = f"`{soles[0]}` in --standing-on is also the root of the mode, so --root must be omitted"
         raise console.WrongCommandLine(message, "omit --root, or write `--base free`")
-    stands = soles[0] if by_sole else arguments.root or str(first["root"])
+    root_name = soles[0] if by_sole else arguments.root or str(first["root"])
     usual: tuple[BaseType, ...] = ("held", "fixed") if by_sole else ("free",) if soles else ("fixed", "held", "free")
-    bases = {str(mode.get("base", "fixed")) for mode in (_extend_mode(modes, one) for one in modes) if mode.get("root") == stands}
+    bases = {str(mode.get("base", "fixed")) for mode in (_extend_mode(modes, one) for one in modes) if mode.get("root") == root_name}
     base: BaseType = arguments.base or next((one for one in usual if one not in bases), usual[0])
-    value: dict[str, Written] = {"root": stands, "base": base}
+    value: dict[str, Written] = {"root": root_name, "base": base}
     if not by_sole:  # otherwise, the mount is at the origin of the world
-        if stands == first["root"] and stays(base):
+        if root_name == first["root"] and stays(base):
             value |= {"at": _format_plain(first["at"])} if "at" in first else {}
         elif _has_shapes(root):
             value["at"] = {"on": "floor"}

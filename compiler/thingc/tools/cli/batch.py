@@ -94,9 +94,9 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.ship and arguments.cluster is None:
             raise console.WrongCommandLine("--ship requires --cluster", "add --cluster tcp://HOST:8786")
         exclusive = ("--adopt", "--dry-run", "--page-only", "--unpack", "--resume")
-        given = [option for option in exclusive if getattr(arguments, option[2:].replace("-", "_"))]
-        if len(given) > 1:
-            raise console.WrongCommandLine(f"{given[0]} cannot be combined with {given[1]}", "use only one of the two options")
+        chosen = [option for option in exclusive if getattr(arguments, option[2:].replace("-", "_"))]
+        if len(chosen) > 1:
+            raise console.WrongCommandLine(f"{chosen[0]} cannot be combined with {chosen[1]}", "use only one of the two options")
         timeout = None if arguments.timeout is None else console.time_of("--timeout", arguments.timeout)
         targets = chosen_targets(arguments.emit)
         if arguments.adopt is not None:

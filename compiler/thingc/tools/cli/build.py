@@ -115,8 +115,8 @@ def _build_robot(wish: BuildRequest, key: str, environment: Environment) -> tupl
         return diagnostics, None
     before = manifest_paths(build_folder(*built.place))
     folder = build_document.write(environment, built, wish, console.say_waiting)
-    if gone := before - built.files.keys():
-        console.say(f"removed {format_count(len(gone), 'file')} of the previous build: {quote_names(sorted(gone), 4)}", stream=sys.stderr)
+    if removed := sorted(before - built.files.keys()):
+        console.say(f"removed {format_count(len(removed), 'file')} of the previous build: {quote_names(removed, 4)}", stream=sys.stderr)
     manifest = up_to_date.state_of(os.path.join(folder, "manifest.json"))
     answer = {**answer_of(built, folder), "targets": wish.targets, "place": built.place, "manifest": manifest}
     up_to_date.save(environment.store, key, up_to_date.inputs(environment, built.compilation), diagnostics, answer)
@@ -125,10 +125,10 @@ def _build_robot(wish: BuildRequest, key: str, environment: Environment) -> tupl
 
 def answer_of(built: BuildResult, folder: str) -> dict[str, Any]:
     """Return the description of a build for the JSON output of the command."""
-    lost = Counter(loss.target for loss in built.losses if loss.how != CARRIED)
+    losses_by_target = Counter(loss.target for loss in built.losses if loss.how != CARRIED)
     return {
         "folder": folder, "artifacts": sorted(built.files or ()), "modelled": built.compilation.modelled,
-        "reused": built.compilation.reused, "losses": dict(lost),
+        "reused": built.compilation.reused, "losses": dict(losses_by_target),
     }
 
 
@@ -144,11 +144,11 @@ def print_summary(answer: Mapping[str, Any], arguments: argparse.Namespace) -> N
     """Print a summary of the build to standard error. The last line shows the folder and the number of files."""
     if answer.get("twice"):
         console.say(f"{format_count(answer['twice'], 'part')} built twice, with equal results", stream=sys.stderr)
-    if lost := answer["losses"]:
+    if losses_by_target := answer["losses"]:
         command = shlex.join(["thingc", "why", "--losses", arguments.document, *(f"--emit={name}" for name in arguments.emit),
                             *(f"--compat={name}" for name in arguments.compat)])
-        counts = ", ".join(f"{count} in {target}" for target, count in lost.items())
-        console.say(f"{format_count(sum(lost.values()), 'export loss')} ({counts}); to list: {command}", stream=sys.stderr)
+        counts = ", ".join(f"{count} in {target}" for target, count in losses_by_target.items())
+        console.say(f"{format_count(sum(losses_by_target.values()), 'export loss')} ({counts}); to list: {command}", stream=sys.stderr)
     folder, files = shown_path(answer["folder"]), format_count(len(answer["artifacts"]), "file")
     if answer.get("unchanged"):
         console.say(f"{folder} is up to date ({files})", stream=sys.stderr)

@@ -79,13 +79,13 @@ def _one(path: str, arguments: argparse.Namespace, report: Report) -> bool:
     except OSError as fault:
         report.add(Code.UNREADABLE, f"cannot read `{path}`: {(fault.strerror or 'unknown error').lower()}", None)
         return False
-    own = Report()
+    report_of_file = Report()
     schema = None
     if arguments.modeline:
-        workspace = Workspace.find(path, own)
+        workspace = Workspace.find(path, report_of_file)
         schema = schema_path(workspace.relative(path)) if workspace is not None else None
-    formatted = format_document(os.path.abspath(path), data, own, schema=schema)
-    report.diagnostics.extend(own.diagnostics)
+    formatted = format_document(os.path.abspath(path), data, report_of_file, schema=schema)
+    report.diagnostics.extend(report_of_file.diagnostics)
     if formatted is None or formatted == data:
         return False
     if arguments.diff:

@@ -103,8 +103,8 @@ def _assembly_lines(arguments: argparse.Namespace, imported: ImportedAssembly, f
     """Describe an imported STEP assembly, and suggest commands that the user can run next."""
     assembly, folder_text = imported.assembly, shown_path(folder)
     components = sum(len(group.children) for group in assembly.assemblies)
-    things = [(len(assembly.assemblies), "document"), (components, "component"), (len(assembly.parts), "part")]
-    words = [format_count(number, what) for number, what in things]
+    counts = [(len(assembly.assemblies), "document"), (components, "component"), (len(assembly.parts), "part")]
+    words = [format_count(number, what) for number, what in counts]
     source = os.path.basename(arguments.file)
     lines = [f"{'would import' if arguments.check else folder_text + ':'} {', '.join(words[:-1])} and {words[-1]} of {source}"]
     lines += [f"  {note}" for note in _some([*imported.notes])]
@@ -187,8 +187,8 @@ def _would(arguments: argparse.Namespace, imported: Imported) -> list[str]:
 def _read(arguments: argparse.Namespace, imported: Imported) -> str:
     robot, meshes = imported.robot, sum(name.startswith("meshes/") for name in imported.files)
     counts = [(len(robot.links), "link"), (sum(len(one.joints) for one in robot.attachments), "joint"), (meshes, "mesh")]
-    things = [format_count(count, what) for count, what in counts if count or what != "mesh"]
-    return f"{', '.join(things[:-1])} and {things[-1]} of {os.path.basename(arguments.file)}"
+    phrases = [format_count(count, what) for count, what in counts if count or what != "mesh"]
+    return f"{', '.join(phrases[:-1])} and {phrases[-1]} of {os.path.basename(arguments.file)}"
 
 
 def _format_result(arguments: argparse.Namespace, imported: Imported, folder: str, changes: list[str]) -> list[str]:

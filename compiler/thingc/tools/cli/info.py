@@ -107,8 +107,8 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
     lines += console.table(rows, right=(2,))
     for robot in robots:
         lines.append("")
-        stands = f", on the floor with its root at {console.millimetres(robot.mode.at.translation)} mm" if robot.mode.on_floor else ""
-        lines.append(f"mode {robot.mode.name}: root {robot.mode.root.path}, base {robot.base}{stands}")
+        floor_text = f", on the floor with its root at {console.millimetres(robot.mode.at.translation)} mm" if robot.mode.on_floor else ""
+        lines.append(f"mode {robot.mode.name}: root {robot.mode.root.path}, base {robot.base}{floor_text}")
         for body in robot.bodies:
             name = assembly.links[body.link].name
             if body.parent is None or body.mate is None:
@@ -170,8 +170,8 @@ def _cut_loops(robot: Robot) -> dict[str, dict[str, str]]:
     loops: dict[str, dict[str, str]] = {}
     for parent, child, cut in graph.edges:
         if cut in cuts:
-            way = networkx.shortest_path(tree, parent, child)
-            through = [key for pair in zip(way, way[1:]) for key in tree[pair[0]][pair[1]]]
+            cycle = networkx.shortest_path(tree, parent, child)
+            through = [key for pair in zip(cycle, cycle[1:]) for key in tree[pair[0]][pair[1]]]
             loops[cut] = {one: worth[one].reason_over(worth[cut]) if cut in worth else "" for one in through}
     return loops
 

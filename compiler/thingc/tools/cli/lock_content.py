@@ -38,11 +38,11 @@ def create_lock(
         answer for reference, answer in schemas.items()
         if isinstance(answer, PartFailure) and (reference in references or answer.kind not in NO_PARTS)
     )]
-    things = {
+    schemas_by_reference = {
         reference: schema for reference, schema in schemas.items()
         if isinstance(schema, PartSchema) and (schema.kind == "thing" or reference in references)
     }
-    defaults = [definition for schema in things.values() if (definition := schema.default) is not None]
+    defaults = [definition for schema in schemas_by_reference.values() if (definition := schema.default) is not None]
     used = {definition.text: definition for definition in definitions}
     all_definitions = {**{definition.text: definition for definition in defaults}, **used}
     modelled = [all_definitions[text] for text in sorted(all_definitions)]
@@ -55,13 +55,13 @@ def create_lock(
         "thingc": VERSION,
         "things": {
             reference: _thing(geometry, schema, [d for d in all_definitions.values() if d.reference == reference and d.text in good], good)
-            for reference, schema in sorted(things.items())
+            for reference, schema in sorted(schemas_by_reference.items())
         },
         "files": {
             text: {"content": geometry.state(definition.reference), "record": record_values(good[text])}
             for text, definition in sorted(used.items()) if definition.kind == "file" and text in good
         },
-        "others": sorted({reference for reference in in_folders if reference not in things}),
+        "others": sorted({reference for reference in in_folders if reference not in schemas_by_reference}),
     }
     return values, failures
 
@@ -74,10 +74,10 @@ def _thing(
         path: state for subject in (schema.reference, *texts) for path, state in geometry.reads.get(subject, {}).items()
         if not os.path.isabs(path) and not path.startswith("..")
     }
-    thing: dict[str, Any] = {"code": hash_of(schema.reference, geometry.code(schema.reference), geometry.part_code)}
+    lock_values: dict[str, Any] = {"code": hash_of(schema.reference, geometry.code(schema.reference), geometry.part_code)}
     if reads:
-        thing["reads"] = dict(sorted(reads.items()))
-    return {**thing, **schema_values(schema), "records": {text: record_values(records[text]) for text in texts}}
+        lock_values["reads"] = dict(sorted(reads.items()))
+    return {**lock_values, **schema_values(schema), "records": {text: record_values(records[text]) for text in texts}}
 
 
 def lock_text(values: Mapping[str, Any]) -> str:
@@ -103,14 +103,14 @@ def _long(value: Any) -> bool:
     return isinstance(value, list) and len(value) > 3 and all(isinstance(item, str) for item in value)
 
 
-def differences(held: Mapping[str, Any], made: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Compare an existing lock file (`held`) with a new lock file (`made`).
+def differences(old_lock: Mapping[str, Any], new_lock: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Compare the contents of an existing lock file and a new lock file.
 
     Return each difference as a tuple `(key, description)`, in the order of the lock file.
     """
     differing: list[tuple[str, str]] = []
     for section, what in (("things", "part"), ("files", "file")):
-        old, new = held.get(section, {}), made.get(section, {})
+        old, new = old_lock.get(section, {}), new_lock.get(section, {})
         for name in sorted({*old, *new}):
             if name not in old:
                 differing.append((name, f"the {what} `{name}` is missing"))
@@ -118,7 +118,7 @@ def differences(held: Mapping[str, Any], made: Mapping[str, Any]) -> list[tuple[
                 differing.append((name, f"there is no {what} `{name}` any more, or no document uses it"))
             else:
                 differing += [(name, words) for words in _thing_differences(name, old[name], new[name])]
-    if sorted(held.get("others", [])) != made.get("others", []):
+    if sorted(old_lock.get("others", [])) != new_lock.get("others", []):
         differing.append(("others", "the classes in the part folders that are not parts have changed"))
     return differing
 

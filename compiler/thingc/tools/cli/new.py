@@ -86,12 +86,12 @@ def _plain(word: str) -> str:
 
 def _next_steps(arguments: argparse.Namespace, folder: str, name: str) -> list[str]:
     """Describe the new files, and suggest commands that the user can run next."""
-    here, document = shown_path(folder), f"{name}.yaml"
-    lines = [f"{name if here == os.curdir else here}: {TEMPLATES[arguments.template]}"]
+    shown_folder, document = shown_path(folder), f"{name}.yaml"
+    lines = [f"{name if shown_folder == os.curdir else shown_folder}: {TEMPLATES[arguments.template]}"]
     if name != os.path.basename(folder):
         lines.append(f"the name of the robot is `{name}`: names consist of letters, digits and `_`")
     steps = [
-        *([] if here == os.curdir else [(f"cd {shlex.quote(here)}", "")]),
+        *([] if shown_folder == os.curdir else [(f"cd {shlex.quote(shown_folder)}", "")]),
         (f"thingc check {document}", "report errors and warnings"),
         (f"thingc view {document}", "show the robot in your browser, updated after every save"),
         (f"thingc build {document}", f"write models, print files and a bill of materials to build/{name}/"),

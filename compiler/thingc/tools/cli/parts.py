@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
         diagnostics = [fault.diagnostic]
     if not listed and not diagnostics and arguments.format == "text":
         console.say("no parts found in the `parts` folders of the workspace", stream=sys.stderr)
-    lines = [line for schema, record in listed for line in ("", *_as_text(schema, record, whole=bool(arguments.part)))][1:]
+    lines = [line for schema, record in listed for line in ("", *_as_text(schema, record, details=bool(arguments.part)))][1:]
     return console.print_result(arguments, diagnostics, lines, parts=[_as_data(schema, record) for schema, record in listed])
 
 
@@ -173,10 +173,10 @@ def _as_data(schema: PartSchema, record: PartRecord | None) -> dict[str, object]
     }
 
 
-def _as_text(schema: PartSchema, record: PartRecord | None, *, whole: bool) -> list[str]:
+def _as_text(schema: PartSchema, record: PartRecord | None, *, details: bool) -> list[str]:
     """Format the description of a part as lines of text.
 
-    If `whole` is true, include the frames of the mounts, and the reference geometry.
+    If `details` is true, include the frames of the mounts, and the reference geometry.
     """
     lines = [schema.reference]
     first = schema.doc.strip().partition("\n")[0]
@@ -190,11 +190,11 @@ def _as_text(schema: PartSchema, record: PartRecord | None, *, whole: bool) -> l
         lines.append("  has an actuator: use it in `drive` of a joint")
     if record is None:
         lines.append("  mounts: unknown for the default parameters")
-    elif record.mounts and whole:
+    elif record.mounts and details:
         lines += [f"  {line}" for line in _mounts(record.mounts)]
     elif record.mounts:
         lines.append(f"  mounts: {', '.join(_runs(record.mounts))}")
-    if whole and record is not None and record.references:
+    if details and record is not None and record.references:
         names = f"reference geometry: {', '.join(sorted(record.references))}"
         lines += textwrap.wrap(names, WIDTH, initial_indent="  ", subsequent_indent="    ", break_long_words=False)
     return lines

@@ -30,10 +30,10 @@ def mounts(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
     return (_mount(robot, q, *place) for place in dict.fromkeys(named) if place[1] != "origin")
 
 
-def mounts_of(robot: Robot, q: Mapping[str, float], wanted: Sequence[str]) -> Iterator[Mark]:
+def mounts_of(robot: Robot, q: Mapping[str, float], names: Sequence[str]) -> Iterator[Mark]:
     """Yield the frame and all mounts of a component, and of the components nested in it. Raises `UnknownChoice`."""
     assembly = robot.assembly
-    for name in wanted:
+    for name in names:
         path = name.replace(".", "/")
         occurrences = [one for one in assembly.occurrences if one.path == path or one.path.startswith(f"{path}/")]
         if not occurrences:

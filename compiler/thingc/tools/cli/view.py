@@ -113,17 +113,17 @@ def run(arguments: argparse.Namespace) -> int:
         return until_interrupted(live, hear)
 
 
-def _rebuild_result(live: RebuildLoop, made: Rebuild) -> tuple[Rebuild, Page | None, list[dict[str, object]]]:
+def _rebuild_result(live: RebuildLoop, rebuild: Rebuild) -> tuple[Rebuild, Page | None, list[dict[str, object]]]:
     """Return the result of a rebuild, the page that shows the robot (None after errors), and the diagnostics for the page."""
     environment = live.environment
     assert environment is not None
     page = None
-    if made.good and made.built is not None:
+    if rebuild.good and rebuild.built is not None:
         try:
-            page = page_of(pipeline.request_of(environment, made.built.compilation))
+            page = page_of(pipeline.request_of(environment, rebuild.built.compilation))
         except Exception as fault:  # the next save may fix the error
-            made = replace(made, good=False, diagnostics=(*made.diagnostics, console.of_exception(fault)))
-    return made, page, findings_of(made.diagnostics, environment.workspace)
+            rebuild = replace(rebuild, good=False, diagnostics=(*rebuild.diagnostics, console.of_exception(fault)))
+    return rebuild, page, findings_of(rebuild.diagnostics, environment.workspace)
 
 
 @contextmanager
@@ -137,13 +137,13 @@ def _overlay(arguments: argparse.Namespace, options: Options, turn: threading.Lo
     lines, stop = Lines(arguments, of=shown_path(arguments.against)), threading.Event()
 
     def follow() -> None:
-        for made in live.rounds(stop):
+        for rebuild in live.rounds(stop):
             if stop.is_set():
                 return
             with turn:
-                made, page, diagnostics = _rebuild_result(live, made)
+                rebuild, page, diagnostics = _rebuild_result(live, rebuild)
             server.tell_against(page, diagnostics)
-            lines.say(made)
+            lines.say(rebuild)
 
     thread = threading.Thread(target=follow, daemon=True)
     with live:

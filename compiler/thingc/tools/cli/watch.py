@@ -69,30 +69,30 @@ def until_interrupted(live: RebuildLoop, hear: Callable[[Rebuild], None]) -> int
     """Run rebuilds until Ctrl-C or SIGTERM, and then stop the worker processes. Return the exit code."""
     signals.install_handlers(ignored=True)
     with contextlib.suppress(KeyboardInterrupt), live:
-        for made in live.rounds(threading.Event()):
-            hear(made)
-            if hopeless(made):
+        for rebuild in live.rounds(threading.Event()):
+            hear(rebuild)
+            if hopeless(rebuild):
                 return console.USAGE
     console.say_in_place()
     return 0
 
 
-def hopeless(made: Rebuild) -> bool:
+def hopeless(rebuild: Rebuild) -> bool:
     """Return whether the first rebuild failed because of an error in the command line, which the user cannot fix by saving a file."""
-    return made.number == 1 and console.exit_code(made.diagnostics) == console.USAGE
+    return rebuild.number == 1 and console.exit_code(rebuild.diagnostics) == console.USAGE
 
 
-def say_json(made: Rebuild) -> None:
+def say_json(rebuild: Rebuild) -> None:
     """Print the result of a rebuild as one line of JSON. The object contains the keys of `thingc build --format json` and further keys."""
-    folder = made.folder or ""
+    folder, files = rebuild.folder or "", (rebuild.built and rebuild.built.files) or ()
     _say_line({
-        "diagnostics": as_json(made.diagnostics),
-        "artifacts": [shown_path(os.path.join(folder, path)) for path in sorted(made.built.files or ())] if made.built and folder else [],
-        "modelled": sorted(made.modelled),
-        "reused": [text for text in made.built.compilation.reused if text not in made.modelled] if made.built else [],
-        "round": made.number, "good": made.good, "saved": [shown_path(path) for path in made.saved],
-        "changed": [shown_path(os.path.join(folder, path)) for path in made.changed],
-        "seconds": round(made.seconds, 4), "kernel": round(made.kernel, 4),
+        "diagnostics": as_json(rebuild.diagnostics),
+        "artifacts": [shown_path(os.path.join(folder, path)) for path in sorted(files)] if folder else [],
+        "modelled": sorted(rebuild.modelled),
+        "reused": [text for text in rebuild.built.compilation.reused if text not in rebuild.modelled] if rebuild.built else [],
+        "round": rebuild.number, "good": rebuild.good, "saved": [shown_path(path) for path in rebuild.saved],
+        "changed": [shown_path(os.path.join(folder, path)) for path in rebuild.changed],
+        "seconds": round(rebuild.seconds, 4), "kernel": round(rebuild.kernel, 4),
     })
 
 
@@ -136,17 +136,17 @@ class Lines:
             console.say(f"{'' if made.good else 'nothing built yet; '}{self._doing}; press Ctrl-C to stop", stream=sys.stderr)
 
 
-def _outcome(made: Rebuild) -> str:
+def _outcome(rebuild: Rebuild) -> str:
     """Describe the result of a rebuild, for example which files were written."""
-    if made.built is None or not made.good:
-        return f"not built ({made.seconds:.2f} s); {'the last successful build remains' if made.kept else 'no successful build yet'}"
-    modelled = sorted(made.modelled.values())
-    phrases = ["errors fixed"] if made.recovered else []
+    if rebuild.built is None or not rebuild.good:
+        return f"not built ({rebuild.seconds:.2f} s); {'the last successful build remains' if rebuild.kept else 'no successful build yet'}"
+    modelled = sorted(rebuild.modelled.values())
+    phrases = ["errors fixed"] if rebuild.recovered else []
     phrases += [f"modelled {_enumerate(modelled)}"] if modelled else []
-    if made.folder is not None:
-        changed = f"{format_count(len(made.changed), 'file')} changed ({_enumerate(made.changed)})"
-        phrases.append(changed if made.changed else "no file changed")
-    return f"{'; '.join(phrases) or 'compiled'} in {made.seconds:.2f} s"
+    if rebuild.folder is not None:
+        changed = f"{format_count(len(rebuild.changed), 'file')} changed ({_enumerate(rebuild.changed)})"
+        phrases.append(changed if rebuild.changed else "no file changed")
+    return f"{'; '.join(phrases) or 'compiled'} in {rebuild.seconds:.2f} s"
 
 
 def _enumerate(names: Sequence[str]) -> str:

@@ -88,8 +88,8 @@ def _reason(compilation: Compilation, requested: str) -> None:
 
 def _losses(environment: Environment, compilation: Compilation, targets: Sequence[str]) -> None:
     losses = [loss for target in pipeline.build(environment, compilation, targets).values() for loss in target.losses]
-    for alike in _alike(losses):
-        console.say(_in_words(alike))
+    for similar_losses in _alike(losses):
+        console.say(_in_words(similar_losses))
     if not losses and not console.exit_code(console.final(compilation.report, strict=False)):
         console.say("no losses")
 

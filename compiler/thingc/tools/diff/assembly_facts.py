@@ -24,20 +24,20 @@ def edges_of(assembly: Assembly) -> Iterator[Edge]:
         yield Edge(parent=paths[mate.parent], child=paths[mate.child], mounts=(mate.parent_mount, mate.child_mount), joint=kind)
 
 
-def occurrences_of(assembly: Assembly, whole: bool) -> Iterator[OccurrenceSnapshot]:
+def occurrences_of(assembly: Assembly, exact: bool) -> Iterator[OccurrenceSnapshot]:
     """Yield the occurrences (parts and frames) of an assembly in document order.
 
-    If `whole` is false, omit geometry, mounts, poses and full mass properties.
+    If `exact` is false, omit geometry, mounts, poses and full mass properties.
     """
     placed = {mate.child: mate for mate in _placing(assembly)}
     for occurrence in assembly.occurrences:
         mate = placed.get(occurrence.index)
         yield OccurrenceSnapshot(
             path=occurrence.path, definition=occurrence.definition.text,
-            properties=occurrence.properties if whole else None, mass=occurrence.properties.mass, source=occurrence.mass_source,
-            shape=occurrence.record if whole and occurrence.record is not None and occurrence.record.box is not None else None,
-            mounts=_mounts(occurrence) if whole else {},
-            place=assembly.rest[occurrence.index] if whole else None,
+            properties=occurrence.properties if exact else None, mass=occurrence.properties.mass, source=occurrence.mass_source,
+            shape=occurrence.record if exact and occurrence.record is not None and occurrence.record.box is not None else None,
+            mounts=_mounts(occurrence) if exact else {},
+            place=assembly.rest[occurrence.index] if exact else None,
             parent=None if mate is None else assembly.occurrences[mate.parent].path, joint=None if mate is None else mate.name,
             material=None if occurrence.material is None else occurrence.material.name,
         )
@@ -45,15 +45,15 @@ def occurrences_of(assembly: Assembly, whole: bool) -> Iterator[OccurrenceSnapsh
 
 def _placing(assembly: Assembly) -> Iterator[Mate]:
     """Yield the mates that form the spanning tree of the assembly. The parent of each mate is closer to the base than its child."""
-    beside: dict[int, list[tuple[int, Mate]]] = {}
+    mates_of: dict[int, list[tuple[int, Mate]]] = {}
     for mate in assembly.mates:
         if mate.loop is None:
-            beside.setdefault(mate.parent, []).append((mate.child, mate))
-            beside.setdefault(mate.child, []).append((mate.parent, mate))
+            mates_of.setdefault(mate.parent, []).append((mate.child, mate))
+            mates_of.setdefault(mate.child, []).append((mate.parent, mate))
     waiting, met = [assembly.base], {assembly.base}
     while waiting:
         index = waiting.pop()
-        for other, mate in beside.get(index, []):
+        for other, mate in mates_of.get(index, []):
             if other not in met:
                 met.add(other)
                 waiting.append(other)

@@ -71,31 +71,31 @@ class BrokenSide(BrokenDocument):
         self.texts = texts
 
 
-def laid_out(asked: ComparisonRequest, stack: ExitStack, *, code: bool) -> list[DocumentPair]:
+def laid_out(request: ComparisonRequest, stack: ExitStack, *, code: bool) -> list[DocumentPair]:
     """Return the pairs of old and new documents to compare. The files are in folders that are deleted when the exit stack `stack` closes.
 
     If `code` is false, the comparison does not run part code. Raises `UnknownComparison` and `NotARepository`.
     """
-    if not code and ("model" in (asked.old.kind, asked.new.kind) or any(one.lower().endswith(ENDINGS) for one in asked.documents)):
+    if not code and ("model" in (request.old.kind, request.new.kind) or any(one.lower().endswith(ENDINGS) for one in request.documents)):
         raise UnknownComparison("--no-code cannot compare robot files of other formats", "omit --no-code")
-    if asked.old.kind in ("document", "build", "lock", "model"):
-        old, new = (Checkout(path=side.place, kind=side.kind) for side in (asked.old, asked.new))
-        return [DocumentPair(name=asked.new.name, old=old, new=new)]
-    here = os.getcwd()
-    repository = Repository.of(here, trusted=code)
+    if request.old.kind in ("document", "build", "lock", "model"):
+        old, new = (Checkout(path=side.place, kind=side.kind) for side in (request.old, request.new))
+        return [DocumentPair(name=request.new.name, old=old, new=new)]
+    cwd = os.getcwd()
+    repository = Repository.of(cwd, trusted=code)
     states = [
         None if side.kind == "checkout" else stack.enter_context(Revision(repository, side.name, side.place))
-        for side in (asked.old, asked.new)
+        for side in (request.old, request.new)
     ]
-    if asked.documents:
-        paths = [repository.path(document) for document in asked.documents]
-        for document, path in zip(asked.documents, paths, strict=True):
+    if request.documents:
+        paths = [repository.path(document) for document in request.documents]
+        for document, path in zip(request.documents, paths, strict=True):
             if not any(_has(repository, state, path) for state in states):
                 known = [one for state in states if state is not None for one in state.documents(repository.path("."))]
-                message = f"there is no document `{document}` in {asked.old.name} or {asked.new.name}"
+                message = f"there is no document `{document}` in {request.old.name} or {request.new.name}"
                 raise UnknownComparison(message, did_you_mean(path, known, what="documents") if known else "use a document")
     else:
-        paths = _affected_documents(repository, asked, states, here)
+        paths = _affected_documents(repository, request, states, cwd)
     for state in states:
         if state is not None:
             state.lay_out(paths)
@@ -119,12 +119,12 @@ def _find_checkout(repository: Repository, state: Revision | None, path: str) ->
     return Checkout(path=os.path.join(repository.top, path) if state is None else state.file(path), revision=state, kind=kind)
 
 
-def _affected_documents(repository: Repository, asked: ComparisonRequest, states: Sequence[Revision | None], here: str) -> list[str]:
+def _affected_documents(repository: Repository, request: ComparisonRequest, states: Sequence[Revision | None], cwd: str) -> list[str]:
     """Return the documents below the working folder that depend on a changed file. Nested documents without modes are omitted."""
-    changed = changed_paths(here, asked.old.place, *filter(None, [asked.new.place]), trusted=repository.trusted)
+    changed = changed_paths(cwd, request.old.place, *filter(None, [request.new.place]), trusted=repository.trusted)
     if not changed:
         return []
-    folder = repository.path(os.path.join(here, "document")).rpartition("/")[0]
+    folder = repository.path(os.path.join(cwd, "document")).rpartition("/")[0]
     documents: dict[str, None] = {}
     for state in states:
         top = repository.top if state is None else state.root

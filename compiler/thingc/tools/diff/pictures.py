@@ -22,13 +22,13 @@ def pictures(old: Model, new: Model, changes: Iterable[Change]) -> Mapping[str, 
     Return PNG data for `before`, `after` and `overlay`, or an empty mapping if no geom is visible. Call `render.ready` before the first
     import of MuJoCo.
     """
-    seen = [extent(xml, assets, None) for xml, assets in (old, new)]
-    points = [point for corners, _ in seen for point in corners]
+    extents = [extent(xml, assets, None) for xml, assets in (old, new)]
+    points = [point for corners, _ in extents for point in corners]
     if not points:
         return {}
     changes = list(changes)
     drawn = {"before": old, "after": new, "overlay": with_removed((set_colours(new[0], colours(changes)), new[1]), old, changes)}
-    return {name: small_picture(xml, assets, None, points, seen[1][1], SIZE) for name, (xml, assets) in drawn.items()}
+    return {name: small_picture(xml, assets, None, points, extents[1][1], SIZE) for name, (xml, assets) in drawn.items()}
 
 
 def colours(changes: Iterable[Change]) -> dict[str, str]:
@@ -60,13 +60,13 @@ def set_colours(xml: str, colours: Mapping[str, str]) -> str:
 
 def with_removed(new: Model, old: Model, changes: Iterable[Change]) -> Model:
     """Return the new MuJoCo model with the removed parts added at their poses in the old model."""
-    gone = {change.path for change in changes if change.what == "component" and change.change == "removed"}
+    removed_paths = {change.path for change in changes if change.what == "component" and change.change == "removed"}
     before, root = ElementTree.fromstring(old[0]), ElementTree.fromstring(new[0])
     meshes = {mesh.get("name"): mesh for mesh in before.iter("mesh")}
     world, asset = root.find("worldbody"), root.find("asset")
     removed = [
         (body, geom) for body in before.iter("body") for geom in body.findall("geom")
-        if geom.get("class") == "visual" and not gone.isdisjoint(above_of(geom.get("name", "")))
+        if geom.get("class") == "visual" and not removed_paths.isdisjoint(above_of(geom.get("name", "")))
     ]
     if not removed or world is None:
         return new

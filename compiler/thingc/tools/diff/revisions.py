@@ -149,8 +149,8 @@ class Revision:
         """
         if not paths:
             return
-        asked = b"".join(self._files[path][1].encode() + b" " + os.fsencode(path) + b"\n" for path in paths)
-        data, at = run_git(self.repository.top, "cat-file", "--batch", "--filters", stdin=asked, trusted=self.repository.trusted), 0
+        queries = b"".join(self._files[path][1].encode() + b" " + os.fsencode(path) + b"\n" for path in paths)
+        data, at = run_git(self.repository.top, "cat-file", "--batch", "--filters", stdin=queries, trusted=self.repository.trusted), 0
         for path in paths:
             end = data.find(b"\n", at)
             words = data[at:end].split()

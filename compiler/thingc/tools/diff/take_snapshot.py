@@ -32,17 +32,17 @@ def take_snapshot(compilation: Compilation) -> Snapshot:
     reader = _Reader(assembly, DocumentTrees(documents))
     reader.assembly_at("", assembly.definition)
     reader.top()
-    whole = all(occurrence.exact for occurrence in assembly.occurrences)
+    exact = all(occurrence.exact for occurrence in assembly.occurrences)
     return Snapshot(
         name=assembly.name, nodes=tuple(reader.nodes), edges=tuple(edges_of(assembly)),
         things={(thing.what, thing.path): thing for thing in reader.things},
-        occurrences={one.path: one for one in occurrences_of(assembly, whole)},
-        links=tuple(links_of(assembly)) if whole else (), whole=assembly.properties if whole else None,
-        rows=tuple(rows_of(assembly)) if whole else (),
+        occurrences={one.path: one for one in occurrences_of(assembly, exact)},
+        links=tuple(links_of(assembly)) if exact else (), whole=assembly.properties if exact else None,
+        rows=tuple(rows_of(assembly)) if exact else (),
         coordinates={
             robot.mode.name: tuple(joint.path for body in robot.bodies for joint in body.joints) for robot in compilation.robots
         },
-        lacks=frozenset() if whole else frozenset({"masses and geometry"}),
+        lacks=frozenset() if exact else frozenset({"masses and geometry"}),
     )
 
 

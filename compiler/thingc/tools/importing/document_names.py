@@ -173,7 +173,7 @@ class DocumentNaming:
         counts = Counter([*names, *mounts.values()])
         return {name: mount for name, mount in mounts.items() if counts[mount] == 1 and mount.lower() not in RESERVED}
 
-    def _name_mounts(self, places: Mapping[str, tuple[str, Pose]], kind: str, taken: Iterable[str]) -> dict[str, str]:
+    def _name_mounts(self, places: Mapping[str, tuple[str, Pose]], kind: str, reserved: Iterable[str]) -> dict[str, str]:
         """Return the name of a mount for each pose in `places`. If a mount with the same pose exists, its name is returned.
 
         `places` maps source names to a link and a pose in the frame of the link.
@@ -181,7 +181,7 @@ class DocumentNaming:
         existing = {
             name: next((word for word, at in self._shown_on(link) if same_place(at, pose)), None) for name, (link, pose) in places.items()
         }
-        new_names = distinct([name for name, word in existing.items() if word is None], kind, reserved=taken)
+        new_names = distinct([name for name, word in existing.items() if word is None], kind, reserved=reserved)
         return {name: word or new_names[name] for name, word in existing.items()}
 
     def _shown_on(self, link: str) -> Iterator[tuple[str, Pose]]:
@@ -248,9 +248,9 @@ class DocumentNaming:
 
     def _usual(self, link: str) -> Iterator[tuple[SourceShape, str]]:
         """Yield each imported shape of a link, and the default name of the shape in generated models."""
-        shown = [shape for shape in self.link_of[link].shapes if self.is_shown(shape)]
+        shown_shapes = [shape for shape in self.link_of[link].shapes if self.is_shown(shape)]
         for use in ("visual", "collision"):
-            for number, shape in enumerate(shape for shape in shown if shape.use == use):
+            for number, shape in enumerate(shape for shape in shown_shapes if shape.use == use):
                 usual = f"{self.links[link]}:{use}_{number}" if number else f"{self.links[link]}:{use}"
                 yield shape, self.links[link] if usual.endswith(":visual") else usual
 

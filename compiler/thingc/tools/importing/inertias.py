@@ -116,8 +116,8 @@ def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
 
 def _find_fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
     """Return the reason why the inertia of a fixed body is invalid, or None if the inertia is valid or not specified."""
-    stated = [link.weight.properties.inertia for link, _ in members if link.weight is not None]
-    if all(one == ZERO or physical_fault(one) is None for one in stated):
+    inertias = [link.weight.properties.inertia for link, _ in members if link.weight is not None]
+    if all(one == ZERO or physical_fault(one) is None for one in inertias):
         return None
     return physical_fault(_whole(members).inertia)
 

@@ -75,8 +75,8 @@ def _corner(data: bytes, path: str) -> float:
     """Return the largest absolute coordinate of the vertices at the beginning of an STL or OBJ file, or 0 for other formats."""
     numbers: list[float] = []
     if path.endswith(".stl") and not data[:SAMPLE].lstrip().startswith(b"solid"):
-        whole = (len(data) - 84) // 50
-        numbers = [abs(one) for k in range(min(whole, SAMPLE)) for one in struct.unpack_from("<9f", data, 84 + 50 * k + 12)]
+        facet_count = (len(data) - 84) // 50
+        numbers = [abs(one) for k in range(min(facet_count, SAMPLE)) for one in struct.unpack_from("<9f", data, 84 + 50 * k + 12)]
     elif path.endswith((".stl", ".obj")):
         corners = re.findall(rb"^\s*(?:v|vertex)\s+(\S+)\s+(\S+)\s+(\S+)", data[: 100 * SAMPLE], re.MULTILINE)
         with contextlib.suppress(ValueError):
@@ -102,11 +102,11 @@ def read_meshes(
     for the first shape that uses the mesh. If `packages` is None, no mesh is read, and each mesh is recorded as a loss.
     """
     named = [(shape.mesh, shape) for link in robot.links for shape in link.shapes if shape.mesh is not None]
-    lost = Losses()
+    losses = Losses()
     if packages is None:
         for uri, shape in named:
-            lost.note(f"mesh `{uri}`", "meshes are omitted", shape.where)
-        return {}, {}, lost.all()
+            losses.note(f"mesh `{uri}`", "meshes are omitted", shape.where)
+        return {}, {}, losses.all()
     contents: dict[str, bytes] = {}
     first_places = dict(reversed(named))
     for uri in dict.fromkeys(uri for uri, _ in named):
@@ -128,26 +128,26 @@ def read_meshes(
     uris = list(dict.fromkeys(first[digest] for digest in digests.values()))
     names: dict[str, str] = {}
     for uri in uris:  # meshes in different folders can have the same name
-        stem, taken = _stem(uri), [os.path.splitext(name)[0] for name in names.values()]
-        names[uri] = f"{distinct([stem], 'mesh', taken)[stem]}{os.path.splitext(uri)[1].lower()}"
+        stem, used_stems = _stem(uri), [os.path.splitext(name)[0] for name in names.values()]
+        names[uri] = f"{distinct([stem], 'mesh', used_stems)[stem]}{os.path.splitext(uri)[1].lower()}"
     paths = {uri: f"{FOLDER}/{names[first[digest]]}" for uri, digest in digests.items()}
     files = {paths[uri]: contents[uri] for uri in uris}
     for uri in (uri for uri in uris if uri not in robot.files):
-        _copy_libraries(uri, first_places[uri], packages, files, lost)
-    return paths, files, lost.all()
+        _copy_libraries(uri, first_places[uri], packages, files, losses)
+    return paths, files, losses.all()
 
 
-def _copy_libraries(uri: str, shape: SourceShape, packages: Packages, files: dict[str, bytes], lost: Losses) -> None:
+def _copy_libraries(uri: str, shape: SourceShape, packages: Packages, files: dict[str, bytes], losses: Losses) -> None:
     """Copy the material files (`.mtl`) that an OBJ mesh refers to.
 
-    The names of the material files do not change. Other files that the mesh refers to are recorded in `lost`.
+    The names of the material files do not change. Other files that the mesh refers to are recorded in `losses`.
     """
     for name in libraries(packages.find(uri)):
         path = f"{FOLDER}/{name}"
         try:
             content = beginning(packages.find(f"{uri[: -len(os.path.basename(uri))]}{name}"), MOST_BYTES)
         except (NotFound, OSError):
-            lost.note(f"the colours of mesh `{uri}`", f"`{name}` cannot be read", shape.where)
+            losses.note(f"the colours of mesh `{uri}`", f"`{name}` cannot be read", shape.where)
             continue
         if files.setdefault(path, content) != content:
-            lost.note(f"the colours of mesh `{uri}`", f"another mesh has a different `{name}`", shape.where)
+            losses.note(f"the colours of mesh `{uri}`", f"another mesh has a different `{name}`", shape.where)

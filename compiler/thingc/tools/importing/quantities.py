@@ -41,13 +41,13 @@ def _format_decimal(value: Decimal) -> str:
     return "0" if value == 0 else text
 
 
-def scale_number(value: float, power: int, beside: float = 0.0) -> str:
+def scale_number(value: float, power: int, magnitude: float = 0.0) -> str:
     """Multiply a number by a power of ten, and format the exact product: `scale_number(0.0388353, 3)` is `38.8353`.
 
-    The function removes rounding errors. If a larger number `beside` was part of the same computation, the rounding error of the larger
+    The function removes rounding errors. If a larger number `magnitude` was part of the same computation, the rounding error of the larger
     number applies.
     """
-    return _format_decimal(_short(float(value), ROUNDED * math.ulp(max(abs(value), abs(beside)))).scaleb(power))
+    return _format_decimal(_short(float(value), ROUNDED * math.ulp(max(abs(value), abs(magnitude)))).scaleb(power))
 
 
 def _short(value: float, within: float) -> Decimal:

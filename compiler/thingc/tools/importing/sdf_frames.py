@@ -154,10 +154,10 @@ class Frames:
 
         The frame of a model is attached to the canonical link, by default the first link.
         """
-        seen: list[str] = []
+        passed_frames: list[str] = []
         while key not in self.links:
             self.links[key] = None  # prevents infinite recursion in cycles
-            seen.append(key)
+            passed_frames.append(key)
             frame = self.named.get(key)
             if frame is not None and frame.element.tag == "link":
                 self.links[key] = key
@@ -169,7 +169,7 @@ class Frames:
             inside = [one for one, other in self.named.items() if other.scope == key and other.element.tag in ("link", "model")]
             inside.sort(key=lambda one: self.named[one].element.tag)  # links before models
             key = key_of(canonical, key) if canonical and key_of(canonical, key) in self.named else next(iter(inside), key)
-        self.links |= dict.fromkeys(seen, self.links[key])
+        self.links |= dict.fromkeys(passed_frames, self.links[key])
         return self.links[key]
 
 

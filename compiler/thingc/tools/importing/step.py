@@ -257,11 +257,11 @@ class StepDocuments:
         return (json.dumps(record, indent=2, ensure_ascii=False) + "\n").encode()
 
 
-def distinct_words(names: Sequence[str], kind: str, taken: Sequence[str] = ()) -> list[str]:
+def distinct_words(names: Sequence[str], kind: str, reserved: Sequence[str] = ()) -> list[str]:
     """Return a different document name for each of the names, which may be equal. Names that are empty get the name `kind`."""
     words: list[str] = []
     for name in names:
-        words += distinct([name.strip() or kind], kind, reserved=[*words, *taken]).values()
+        words += distinct([name.strip() or kind], kind, reserved=[*words, *reserved]).values()
     return words
 
 

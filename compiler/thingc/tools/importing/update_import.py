@@ -72,14 +72,14 @@ def earlier_import(folder: str) -> PreviousImport | None:
     try:
         with open(os.path.join(folder, RECORD), "rb") as stream:
             record: Any = json.load(stream)
-        document, asked, names, source = record["document"], record["asked"], record["names"], record["source"]
+        document, options, names, source = record["document"], record["asked"], record["names"], record["source"]
         text = "".join(f"{line}\n" for line in document["lines"])
         earlier = PreviousImport(
             folder=folder, source=str(source["file"]), robot=str(source["robot"]), document=_inside(document["file"]), text=text,
-            roots=tuple(asked["roots"]), repair=_repair(asked["repair"]),
-            meshes={_inside(name): str(sha256) for name, sha256 in record["meshes"].items()}, with_meshes=bool(asked["meshes"]),
+            roots=tuple(options["roots"]), repair=_repair(options["repair"]),
+            meshes={_inside(name): str(sha256) for name, sha256 in record["meshes"].items()}, with_meshes=bool(options["meshes"]),
             links={**names["links"], **names["frames"]}, joints={**names["joints"]},
-            keep=bool(asked.get("keep")),
+            keep=bool(options.get("keep")),
         )
         return earlier if document["sha256"] == _sha256(text.encode()) else None
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
@@ -96,10 +96,10 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
     new = files[document].decode()
     try:
         with open(path, "rb") as stream:
-            held: bytes | None = stream.read()
-        ours = (held or b"").decode("utf-8-sig")
+            old_content: bytes | None = stream.read()
+        ours = (old_content or b"").decode("utf-8-sig")
     except FileNotFoundError:
-        held, ours = None, earlier.text
+        old_content, ours = None, earlier.text
     except (OSError, UnicodeDecodeError):
         message = f"`{shown_path(path)}`, written by the last import, can no longer be read"
         report.add(Code.OUTPUT, message, None, help="fix or delete the file")
@@ -116,8 +116,8 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
         return None
     _say_conflicts(one, read_text(path, one.text, Report()) or texts[2], report)
     written = _changed_meshes(earlier, {name: data for name, data in files.items() if name not in (document, RECORD)}, report)
-    kept = tuple(name for name in earlier.edited_files() if name != earlier.document)
-    written[document] = held, one.text.encode()
+    kept_files = tuple(name for name in earlier.edited_files() if name != earlier.document)
+    written[document] = old_content, one.text.encode()
     written[RECORD] = earlier.read(RECORD), files[RECORD]
     for name, before in earlier.meshes.items():
         there = earlier.read(name)
@@ -125,7 +125,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
             written[name] = there, None
     return Update(
         changes={os.path.join(earlier.folder, name): change for name, change in written.items() if change[0] != change[1]}, merged=one,
-        kept=kept,
+        kept=kept_files,
     )
 
 

@@ -34,16 +34,16 @@ def main() -> int:
     `packages`, or an error `fault` with its `file` and `line`. If the child process ended early, the response contains the reason in
     `failed`.
     """
-    asked = json.loads(sys.stdin.readline())
-    packages = Packages(asked["path"], asked["packages"], os.environ)
+    request = json.loads(sys.stdin.readline())
+    packages = Packages(request["path"], request["packages"], os.environ)
     readable = [*filter(os.path.isdir, (*packages.readable(), *sys.path, sys.prefix, sys.base_prefix, "/lib", "/lib64", "/usr/lib"))]
     process_tree.adopt_orphans()
     scratch = Scratch()
     child = children.fork_child(_expand, 0, scratch.make(), scratch.descriptors, readable)
-    child.ask({**asked, "id": 0, "readable": readable})
+    child.ask({**request, "id": 0, "readable": readable})
     answer = child.wait()
     scratch.close()
-    print(json.dumps(answer if is_plausible(answer, [asked["path"], *readable]) else {"failed": "crashed", "words": "an invalid answer"}))
+    print(json.dumps(answer if is_plausible(answer, [request["path"], *readable]) else {"failed": "crashed", "words": "an invalid answer"}))
     return 0
 
 
@@ -56,15 +56,15 @@ def is_plausible(answer: Mapping[str, Any], readable: Sequence[str]) -> bool:
     return all(os.path.isfile(one) and any(within(one, folder) for folder in readable) for one in files)
 
 
-def _expand(asked: Mapping[str, Any]) -> dict[str, Any]:
+def _expand(request: Mapping[str, Any]) -> dict[str, Any]:
     """Expand the xacro file of a request in the sandboxed child process."""
     import resource
 
-    resource.setrlimit(resource.RLIMIT_CPU, (asked["seconds"], asked["seconds"]))
+    resource.setrlimit(resource.RLIMIT_CPU, (request["seconds"], request["seconds"]))
     resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
     resource.setrlimit(resource.RLIMIT_FSIZE, (FILE_BYTES, FILE_BYTES))
-    sandbox.begin(asked["scratch"], asked["readable"])
-    return _Expanding(asked["path"], asked["packages"]).expand(asked["arguments"])
+    sandbox.begin(request["scratch"], request["readable"])
+    return _Expanding(request["path"], request["packages"]).expand(request["arguments"])
 
 
 class _Expanding:

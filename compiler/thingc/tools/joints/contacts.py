@@ -87,16 +87,16 @@ def _shafts(first: Features, other: Features) -> Iterator[ShaftContact]:
         if one.hollow == two.hollow or hole.sweep < math.pi + 0.1 or shaft.sweep < math.pi / 2.0:
             continue
         lower, upper = max(one.lower, two.lower), min(one.upper, two.upper)
-        fits = -TOUCHING <= hole.radius - shaft.radius <= CLEARANCE and upper - lower >= SHORTEST
-        if fits and same_line(hole.line, shaft.line):
+        is_fitting = -TOUCHING <= hole.radius - shaft.radius <= CLEARANCE and upper - lower >= SHORTEST
+        if is_fitting and same_line(hole.line, shaft.line):
             yield ShaftContact(line=hole.line, radius=shaft.radius, lower=lower, upper=upper, first_is_shaft=not one.hollow)
 
 
 def _holes(first: Features, other: Features) -> Iterator[tuple[CentreLine, float]]:
     for one, two in product(first.cylinders, other.cylinders):
-        apart = max(one.lower, two.lower) - min(one.upper, two.upper)
+        gap = max(one.lower, two.lower) - min(one.upper, two.upper)
         equal = abs(one.radius - two.radius) < 2.0 * CLEARANCE and same_line(one.line, two.line)
-        if one.hollow and two.hollow and equal and apart < SHORTEST:
+        if one.hollow and two.hollow and equal and gap < SHORTEST:
             yield one.line, one.radius
 
 

@@ -157,7 +157,7 @@ def write_joints(
         help = "accept other joints together with this joint, or write the joint into the document"
         return EditResult(found=(UserError(message, help).diagnostic,))
     try:
-        values, removed, done = _edits(proposed, accepted, groups)
+        values, removed, changes = _edits(proposed, accepted, groups)
         _refuse_copies(document, values)
         changed = document
         for keys in removed:
@@ -166,7 +166,7 @@ def write_joints(
         changed = set_values(changed, values)
     except CannotSetValue as fault:
         return EditResult(found=(UserError(str(fault), "edit the document by hand").diagnostic,))
-    return write_texts(document, {document.path: (document, changed.text)}, tuple(done), options, strict=strict, dry=dry)
+    return write_texts(document, {document.path: (document, changed.text)}, tuple(changes), options, strict=strict, dry=dry)
 
 
 def _refuse_copies(document: Document, values: Mapping[Keys, Written]) -> None:
@@ -187,7 +187,7 @@ def _edits(
     of = {name: number for number, group in enumerate(groups) for name in group}
     values: dict[Keys, Written] = {}
     removed: list[Keys] = []
-    done: list[tuple[str, str | None, str]] = []
+    changes: list[tuple[str, str | None, str]] = []
     mounts: dict[str, dict[str, Written]] = {}
     for one, parent, child, closes in _outwards(accepted, of, of[proposed.base]):
         frame = along(one.line.axis, one.line.point)
@@ -208,12 +208,12 @@ def _edits(
                     pose = proposed.frames[child].inverse() @ proposed.frames[name]
                     values["components", name, "at"] = {"in": f"{child}.origin", **_pose_values(pose)}
         values["joints", one.name] = joint
-        done.append((f"joints.{one.name}", None, f"{one.kind}, {parent} -> {child}"))
+        changes.append((f"joints.{one.name}", None, f"{one.kind}, {parent} -> {child}"))
     for name, added in mounts.items():
         place = ("components", name, "mounts")
         exist = proposed.document is not None and node_at(proposed.document.tree, place) is not None
         values |= {(*place, mount): pose for mount, pose in added.items()} if exist else {place: added}
-    return values, removed, done
+    return values, removed, changes
 
 
 def _outwards(

@@ -203,9 +203,9 @@ class _Outline:
                 rotations.append(other.axes @ np.diag([*signs, np.sign(np.linalg.det(turned))]) @ self.axes.T)
         for rotation in rotations:
             moved = np.column_stack([(self.faces[:, :3] - self.centre) @ rotation.T + other.centre, self.faces[:, 3]])
-            apart = np.abs(moved[:, None, :] - other.faces[None, :, :]).max(axis=2)
-            nearest = apart.argmin(axis=1)
-            if len(set(nearest)) == len(nearest) and apart.min(axis=1).max() < SAME:
+            distances = np.abs(moved[:, None, :] - other.faces[None, :, :]).max(axis=2)
+            nearest = distances.argmin(axis=1)
+            if len(set(nearest)) == len(nearest) and distances.min(axis=1).max() < SAME:
                 exact = np.where(np.abs(rotation - rotation.round()) < 1e-9, rotation.round(), rotation)
                 x, y, z = (other.centre - exact @ self.centre).tolist()
                 return Pose(rotation=convert.matrix(exact.tolist()), translation=convert.vector((x, y, z)))

@@ -21,13 +21,13 @@ MOTIONS = frozenset({"single"})
 
 def emit(request: EmitRequest) -> Artifacts:
     """Write a module for each chosen mode."""
-    lost: dict[Loss, None] = {}
+    found_losses: dict[Loss, None] = {}
     for robot in request.robots:
-        lost |= dict.fromkeys(losses(robot, "isaaclab", "Isaac Lab", MOTIONS))
+        found_losses |= dict.fromkeys(losses(robot, "isaaclab", "Isaac Lab", MOTIONS))
         if robot.base in ("planar", "ball"):
             what = f"the {robot.base} base, which is not part of the articulation"
-            lost[Loss("isaaclab", robot.mode.name, robot.mode.name, what, "omitted", robot.mode.origin)] = None
-    return Artifacts(files={f"isaaclab/{file_name(robot)}.py": _module(robot) for robot in request.robots}, losses=tuple(lost))
+            found_losses[Loss("isaaclab", robot.mode.name, robot.mode.name, what, "omitted", robot.mode.origin)] = None
+    return Artifacts(files={f"isaaclab/{file_name(robot)}.py": _module(robot) for robot in request.robots}, losses=tuple(found_losses))
 
 
 def usd_name(joint: TreeJoint) -> str:

@@ -153,10 +153,10 @@ class Tools:
             raise console.WrongCommandLine(message, "start the server with --trusted")
         return ["--no-code"]
 
-    def _to_words(self, given: Mapping[str, Any]) -> list[str]:
+    def _to_words(self, settings: Mapping[str, Any]) -> list[str]:
         """Convert options to words of a command line, for example `{"mounts_of": ["hand"]}` to `--mounts-of=hand`."""
         words = list[str]()
-        for name, value in given.items():
+        for name, value in settings.items():
             option = f"--{name.replace('_', '-')}"
             if isinstance(value, Mapping):
                 words += [f"{option}={key}={one}" for key, one in value.items()]

@@ -86,9 +86,9 @@ def rezero(
         return EditResult(found=(refused.diagnostic,))
     if report.failed:
         return EditResult(found=tuple(report.sorted_diagnostics()))
-    done = [change for path, own in edits.items() for change in _result_rows(root, originals[path], own)]
+    changes = [change for path, own in edits.items() for change in _result_rows(root, originals[path], own)]
     changed = {path: (originals[path], one.text) for path, one in documents.items() if edits[path]}
-    result = write_texts(root, changed, tuple(done), options, strict=strict, dry=dry)
+    result = write_texts(root, changed, tuple(changes), options, strict=strict, dry=dry)
     return replace(result, found=(*result.found, *unchanged))
 
 

@@ -228,8 +228,8 @@ class ShiftEdits:
                 if key is None and any(fnmatchcase(name, f"{one}.*") for one in nested):
                     continue
                 old = ZERO if key is None else self._at(("poses", pose, key))
-                fits = [one for one in self.independent if fnmatchcase(one, key or "")]
-                matches_only_these = key is not None and set(fits) <= set(self.names)  # the pattern matches no other joint
+                matching_joints = [one for one in self.independent if fnmatchcase(one, key or "")]
+                matches_only_these = key is not None and set(matching_joints) <= set(self.names)  # the pattern matches no other joint
                 yield from self._new(("poses", pose, key if matches_only_these and key else name), old)
         starts = [mode.name for mode in self.model.modes if mode.stated and mode.pose is None]
         if self.shift.zero.value and starts:

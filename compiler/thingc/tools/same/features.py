@@ -127,21 +127,21 @@ def rigid_links(mechanism: Mechanism, tolerance: float) -> list[RigidLink]:
 
 
 def _rigid_link(link: MechanismLink, ports: list[Port], tolerance: float) -> RigidLink:
-    own = link.properties
-    centre, inertia = np.array(own.centre), np.array(own.inertia)
-    values, axes = principal_axes(own.inertia)
+    properties = link.properties
+    centre, inertia = np.array(properties.centre), np.array(properties.inertia)
+    values, axes = principal_axes(properties.inertia)
     order = np.argsort(values)
     moments = np.array(values)[order]
-    features = [LinkFeature("centre of mass", centre, None)] if own.mass > 0.0 else []
+    features = [LinkFeature("centre of mass", centre, None)] if properties.mass > 0.0 else []
     for number, column in enumerate(order):
         gap = min(abs(moments[number] - other) for k, other in enumerate(moments) if k != number)
-        if own.mass > 0.0 and gap > tolerance * moments[2]:
+        if properties.mass > 0.0 and gap > tolerance * moments[2]:
             features.append(LinkFeature(f"principal axis {number}", None, np.array(axes)[:, column], moments[2] / gap))
     for port in ports:
         kind, _, point, axis, _ = port.motion
         features.append(LinkFeature(port.tag, None if kind == "translation" else point, None if kind == "ball" else axis))
     points, directions = (np.array([getattr(port.motion, name) for port in ports]).reshape(-1, 3) for name in ("point", "axis"))
-    return RigidLink(own.mass, centre, inertia, moments, features, ports, points, directions)
+    return RigidLink(properties.mass, centre, inertia, moments, features, ports, points, directions)
 
 
 def motion_of(joint: MechanismJoint, end: int) -> Motion:

@@ -132,18 +132,18 @@ class _Search:
     def _rank(self, found: RobotMap) -> tuple[float, int, int, float]:
         """Return a key by which better maps come first: fewer differences, more names preserved, fewer signs and zeros changed."""
         A, B = self.mechanisms
-        kept = sum(A.links[a].name == B.links[link.other].name for a, link in found.links.items())
-        kept += sum(A.joints[j.one].name == B.joints[j.other].name for j in found.joints)
-        return round(found.misfits, 6), -kept, sum(j.sign < 0 for j in found.joints), sum(abs(j.zero) for j in found.joints)
+        equal_names = sum(A.links[a].name == B.links[link.other].name for a, link in found.links.items())
+        equal_names += sum(A.joints[j.one].name == B.joints[j.other].name for j in found.joints)
+        return round(found.misfits, 6), -equal_names, sum(j.sign < 0 for j in found.joints), sum(abs(j.zero) for j in found.joints)
 
     # --- links -------------------------------------------------------------------------------------------------------
 
     def _link(self, a: int, b: int, T: Array) -> LinkMap:
         """Compare two links. `T` is the pose of the link of A in the frame of the link of B."""
         one, other = self.links[0][a], self.links[1][b]
-        apart, axes = mass_differences(one, other, T), axis_differences(one, other, T, self.tolerance)
+        mass_errors, axes = mass_differences(one, other, T), axis_differences(one, other, T, self.tolerance)
         nearest = axes.max(axis=2, initial=0.0).min(axis=1, initial=np.inf)
-        return LinkMap(b, T, apart, axes, nearest, self._cost(*apart, *nearest))
+        return LinkMap(b, T, mass_errors, axes, nearest, self._cost(*mass_errors, *nearest))
 
     def _starts(self, a: RigidLink, b: RigidLink, centres: tuple[Array, Array] | None = None) -> list[Array]:
         """Return different poses of `a` in `b` that may move all features of `a` to those of `b`.
@@ -181,10 +181,10 @@ class _Search:
         """Yield a partial map with one more joint, and with the link behind the joint if it is not in the map."""
         link, known = part.links[near], part.links.get(port.other)
         joints, placed = {joint.other for joint in part.joints}, {one.other for one in part.links.values()}
-        apart = link.axes[port.row].max(axis=1)
+        axis_errors = link.axes[port.row].max(axis=1)
         free = (target for target in self.links[1][link.other].ports if target.tag == port.tag and target.joint not in joints)
-        targets = sorted(free, key=lambda target: float(apart[target.row]))
-        fitting = [target for target in targets if apart[target.row] <= self.tolerance]
+        targets = sorted(free, key=lambda target: float(axis_errors[target.row]))
+        fitting = [target for target in targets if axis_errors[target.row] <= self.tolerance]
         for target in fitting if self.exact else targets[:NEAREST]:
             sign, X = _pose_behind(port.motion, target.motion, link.T)
             if known is not None and known.other == target.other:
@@ -221,17 +221,17 @@ class _Search:
         rest: Array = np.eye(4)
         if b.kind != "ball":
             move = X @ np.linalg.inv(b.X @ far.T)
-            zero, wanted = b.value(move), self._zero_of_limits(port, target, sign)
-            if b.kind == "rotation" and wanted is not None:
-                zero += 2.0 * np.pi * round((wanted - zero) / (2.0 * np.pi))
+            zero, zero_of_limits = b.value(move), self._zero_of_limits(port, target, sign)
+            if b.kind == "rotation" and zero_of_limits is not None:
+                zero += 2.0 * np.pi * round((zero_of_limits - zero) / (2.0 * np.pi))
             rest = b.exponential(-zero) @ move
         loose = np.array([*_screw(rest, b.point, self.tolerance), 0.0])
         loose[loose <= CLOSED * self.tolerance] = 0.0
         back, back_b = (_other_end(self.links[n][one.other], one) for n, one in enumerate((port, target)))
-        apart = np.max([loose, link.axes[port.row, target.row], far.axes[back.row, back_b.row]], axis=0).tolist()
+        errors = np.max([loose, link.axes[port.row, target.row], far.axes[back.row, back_b.row]], axis=0).tolist()
         new = port.other not in part.links
-        joint = JointMap(port.joint, target.joint, sign, zero, new and far.free, (port.end, target.end), tuple(apart))
-        misfits = part.misfits + (far.misfits if new else 0.0) + self._cost(max(apart))
+        joint = JointMap(port.joint, target.joint, sign, zero, new and far.free, (port.end, target.end), tuple(errors))
+        misfits = part.misfits + (far.misfits if new else 0.0) + self._cost(max(errors))
         misfits -= self._cost(link.nearest[port.row]) + self._cost(far.nearest[back.row])  # the links count the nearest axes
         return RobotMap({**part.links, port.other: far}, (*part.joints, joint), misfits)
 

@@ -158,48 +158,48 @@ def _by_item(model: AssemblyDefinition) -> dict[str, tuple[Component, ...]]:
 
 
 def _piece(
-    name: str, node: Node, made: tuple[Component, ...], records: Records, schemas: Mapping[str, PartSchema | PartFailure],
+    name: str, node: Node, components: tuple[Component, ...], records: Records, schemas: Mapping[str, PartSchema | PartFailure],
     usual: Mapping[str, Names],
 ) -> WrittenComponent:
     entries = entries_of(node)
     source = next(((key, _scalar_text(entries[key])) for key in ("part", "file", "assembly") if _scalar_text(entries.get(key))), None)
     repeated = "repeat" in entries
-    items = tuple(component.name for component in made) or ((f"{name}_0",) if repeated else (name,))
+    items = tuple(component.name for component in components) or ((f"{name}_0",) if repeated else (name,))
     mounts: Names = {}
-    sure = bool(made)
-    for component in made:
+    is_exact = bool(components)
+    for component in components:
         names = _mounts_of(component, records)
-        sure = sure and names is not None and _exact(component, records)
+        is_exact = is_exact and names is not None and _exact(component, records)
         mounts.update(names or {})
-    if not sure and source is not None:
+    if not is_exact and source is not None:
         mounts = {**usual.get(source[1], {}), **mounts}
     mounts.setdefault(ORIGIN, f"The frame of `{name}` itself.")
     for extra in _entries(node, "mounts"):
         mounts.setdefault(extra, f"Added to `{name}` by this document.")
     schema = schemas.get(source[1]) if source is not None and source[0] == "part" else None
-    label = _label(source, made)
+    label = _label(source, components)
     return WrittenComponent(
         name=name, items=items, pattern=rf"{name}_\d+" if repeated else name, source=source, label=label,
-        what=_what(label, source, made, schema),
-        mounts=_first(mounts), sure=sure, assembly=source is not None and source[0] == "assembly",
+        what=_what(label, source, components, schema),
+        mounts=_first(mounts), sure=is_exact, assembly=source is not None and source[0] == "assembly",
         actuator=isinstance(schema, PartSchema) and schema.actuator,
     )
 
 
-def _label(source: tuple[str, str] | None, made: tuple[Component, ...]) -> str:
+def _label(source: tuple[str, str] | None, components: tuple[Component, ...]) -> str:
     if source is None:
-        bare = made and (made[0].frame or isinstance(made[0].definition, LinkDefinition))
-        return f"a {made[0].label}" if bare else "a component"
-    definition = made[0].definition if made else None
+        has_no_part = components and (components[0].frame or isinstance(components[0].definition, LinkDefinition))
+        return f"a {components[0].label}" if has_no_part else "a component"
+    definition = components[0].definition if components else None
     return definition.label if isinstance(definition, PartDefinition) else source[1]
 
 
-def _what(label: str, source: tuple[str, str] | None, made: tuple[Component, ...], schema: PartSchema | PartFailure | None) -> str:
-    definition = made[0].definition if made else None
+def _what(label: str, source: tuple[str, str] | None, components: tuple[Component, ...], schema: PartSchema | PartFailure | None) -> str:
+    definition = components[0].definition if components else None
     if isinstance(definition, LinkDefinition):
         return f"A {label.removeprefix('a ')} with shapes."
     if source is None:
-        return "A frame: a component without geometry." if made and made[0].frame else "A component."
+        return "A frame: a component without geometry." if components and components[0].frame else "A component."
     doc = schema.doc.strip().partition("\n")[0] if isinstance(schema, PartSchema) else ""
     if isinstance(definition, AssemblyDefinition):
         doc = " ".join(definition.description.split())

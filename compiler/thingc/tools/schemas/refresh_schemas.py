@@ -186,8 +186,8 @@ class Schemas:
         paths = documents_in(self.workspace.root, self.workspace) + [settings_file] * os.path.exists(settings_file)
         before, self._seen = self._seen, {path: stat_of(path) for path in paths}
         names = {path: self.workspace.relative(path) for path in self._seen}
-        for gone in set(self._symbols) - set(names.values()):
-            del self._symbols[gone]
+        for old_name in set(self._symbols) - set(names.values()):
+            del self._symbols[old_name]
         for path, name in names.items():
             if before.get(path) != self._seen[path]:
                 symbols = read_symbols(path)
@@ -206,10 +206,10 @@ class Schemas:
         usual = self._parts.usual(definitions)
         selected = None if only is None else {self.workspace.relative(path) for path in only}
         chosen = [name for name in names.values() if selected is None or name in selected]
-        done = {name: self._write(name, read.get(name), models.get(name), usual) for name in chosen}
+        results = {name: self._write(name, read.get(name), models.get(name), usual) for name in chosen}
         return RefreshOutcome(
-            documents=tuple(chosen), written=tuple(name for name in chosen if done[name]),
-            kept=tuple(name for name in chosen if done[name] is None),
+            documents=tuple(chosen), written=tuple(name for name in chosen if results[name]),
+            kept=tuple(name for name in chosen if results[name] is None),
             removed=() if only is not None else tuple(remove_others(self.workspace.root, names.values())),
         )
 

@@ -102,15 +102,15 @@ class CompiledSource:
 
     def _names(self, kind: str, made_up: Any) -> dict[int, str]:
         """Return the names of all elements of the given kind, keyed by the index of the element."""
-        taken = {one.name for one in self.written[kind].values()}
+        used_names = {one.name for one in self.written[kind].values()}
         names = self.names[kind] = dict[int, str]()
         counts: Counter[str] = Counter()
         for number, one in sorted(self.written[kind].items()):
             word = name = one.name or made_up(one)
-            while not one.name and name in taken:
+            while not one.name and name in used_names:
                 counts[word] += 1
                 name = f"{word}_{counts[word] + 1}"
-            taken.add(name)
+            used_names.add(name)
             names[number] = name
         return names
 

@@ -242,22 +242,22 @@ class _Reader:
             self.original.lose(kind, number, f"a {kind} of the world", "fixed to the world, so not part of the robot")
         return bodies_of_robot.union(*(groups[body] for body in groups.keys() & self.free)), min(bodies_of_robot)
 
-    def _carriers(self, kept: set[int], root: int) -> dict[int, tuple[int, Pose]]:
+    def _carriers(self, kept_bodies: set[int], root: int) -> dict[int, tuple[int, Pose]]:
         """Map each body to the link that represents the body, and to the pose of the body in the frame of this link.
 
         A body becomes a mount of its parent if the body and all its descendants are fixed and have neither mass nor shapes.
         """
         bare = {
-            body for body in kept - {root}
+            body for body in kept_bodies - {root}
             if not self.joints[body] and self.model.body_mass[body] <= 0.0 and not self.model.body_geomnum[body]
         }
-        for body in sorted(kept, reverse=True):
+        for body in sorted(kept_bodies, reverse=True):
             if body not in bare and body != root:
                 bare.discard(self.parents[body])
         self._mounts = bare
         self._carried: dict[int, list[int]] = {}
         on: dict[int, tuple[int, Pose]] = {}
-        for body in sorted(kept):
+        for body in sorted(kept_bodies):
             link, pose = on[self.parents[body]] if body in bare else (body, NO_POSE)
             on[body] = link, pose @ self._pose(body) if body in bare else NO_POSE
             self._carried.setdefault(link, []).append(body)

@@ -59,17 +59,17 @@ class Tendons:
         """Return the reason why a document cannot express one step of a tendon's path, or an empty string if the step is supported."""
         model = self.model
         kind, thing, side = (int(one[wrap]) for one in (model.wrap_type, model.wrap_objid, model.wrap_prm))
-        gone = "the tendon uses elements that are not imported"
+        reason = "the tendon uses elements that are not imported"
         if kind == JOINT:
-            return "" if thing in self.joints else gone
+            return "" if thing in self.joints else reason
         if kind == SITE:
-            return "" if thing in self.sites else gone
+            return "" if thing in self.sites else reason
         if kind == PULLEY:
             begins = any(wrap == int(first) for first in model.tendon_adr)
             return "the tendon starts with a pulley" if begins else "" if model.wrap_prm[wrap] > 0.0 else "a pulley has the divisor 0"
         body = int(model.geom_bodyid[thing])
         if body not in self.on or side >= 0 and side not in self.sites:
-            return gone
+            return reason
         if side < 0:
             return ""
         on, place = int(model.site_bodyid[side]), pose_of(model.site_pos[side], model.site_quat[side])
