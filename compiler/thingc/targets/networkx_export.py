@@ -88,13 +88,13 @@ def graphml(graph: Graph) -> str:
     The ids of edges are numbers, because ids must be unique in a GraphML file. The attribute `name` of an edge contains its key in the
     graph.
     """
-    spoken = networkx.MultiDiGraph(**_displayable(graph.graph))
+    displayed = networkx.MultiDiGraph(**_displayable(graph.graph))
     for node, attributes in graph.nodes(data=True):
-        spoken.add_node(escape_control(node), **_displayable(attributes))
+        displayed.add_node(escape_control(node), **_displayable(attributes))
     for number, (parent, child, key, attributes) in enumerate(graph.edges(keys=True, data=True)):
         ends = escape_control(parent), escape_control(child)
-        spoken.add_edge(*ends, key=f"e{number}", name=escape_control(key), **_displayable(attributes))
-    return "\n".join(networkx.generate_graphml(spoken, named_key_ids=True)) + "\n"
+        displayed.add_edge(*ends, key=f"e{number}", name=escape_control(key), **_displayable(attributes))
+    return "\n".join(networkx.generate_graphml(displayed, named_key_ids=True)) + "\n"
 
 
 def _displayable(attributes: dict[str, Any]) -> dict[str, Any]:

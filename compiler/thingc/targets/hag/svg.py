@@ -101,7 +101,7 @@ def _box_texts(definition: Definition) -> list[str]:
 
 
 def _break_lines(parts: Sequence[str]) -> list[str]:
-    """Join words by commas, and break the text into lines of at most `LONGEST` characters."""
+    """Join words by commas, and break the text into lines of at most `0.8 * MAX_CHARACTERS` characters."""
     lines: list[str] = []
     for position, part in enumerate(parts):
         piece = part + ("," if position < len(parts) - 1 else "")

@@ -89,5 +89,5 @@ def both_ways(bound: float) -> tuple[float, float]:
     """Return the range from `-bound` to `bound`. A bound of 0 is replaced by a tiny bound, because in MuJoCo, the range `0 0` means that
     there is no limit.
     """
-    wide = numeric.maximum(bound, NOTHING)
-    return (-wide, wide)
+    upper = numeric.maximum(bound, NOTHING)
+    return (-upper, upper)

@@ -73,9 +73,9 @@ def _scene(title: str, box: Box | None, file: str, floor: str, held: Sequence[tu
     return write(root, heading)
 
 
-def _lay_floor(root: Element, world: Element, floor: str, held: Sequence[tuple[str, Origin]], looks: Mapping[str, str]) -> None:
+def _lay_floor(root: Element, world: Element, floor: str, held: Sequence[tuple[str, Origin]], material: Mapping[str, str]) -> None:
     ground = world.add("body", {"name": floor}) if held else world
-    ground.add("geom", {"name": floor, "size": "0 0 0.05", "type": "plane", **looks})
+    ground.add("geom", {"name": floor, "size": "0 0 0.05", "type": "plane", **material})
     for link, at in held:
         root.child("contact").add("exclude", {"body1": floor, "body2": link}, at)
 
