@@ -96,10 +96,9 @@ def body_pose(data: mujoco.MjData, name: str) -> Any:
     return matrix
 
 
-def link_frame(model: mujoco.MjModel, data: mujoco.MjData, link: str) -> Any:
-    """Pose of the body that corresponds to the frame of a link in MJCF."""
-    names = {model.body(k).name for k in range(model.nbody)}
-    return body_pose(data, f"{link}_frame" if f"{link}_frame" in names else link)
+def frame_body(model: mujoco.MjModel, link: str) -> str:
+    """Name of the body that corresponds to the frame of a link in MJCF."""
+    return f"{link}_frame" if f"{link}_frame" in {model.body(k).name for k in range(model.nbody)} else link
 
 
 def with_mimic_positions(made: Artifacts, name: str, q: dict[str, float]) -> dict[str, float]:
@@ -129,7 +128,8 @@ def test_poses_of_random_trees_match_matrices(tree: Tree) -> None:
         moved = np.eye(4) if robot.base == "fixed" else inv(start)
         for position, k in enumerate(tree.order):
             link = tree.assembly.links[tree.assembly.link_of[position]].name
-            assert link_frame(model, data, link) @ as_matrix(inside[position]) == pytest.approx(moved @ expected[k], abs=1e-9)
+            frame = body_pose(data, frame_body(model, link))
+            assert frame @ as_matrix(inside[position]) == pytest.approx(moved @ expected[k], abs=1e-9)
             assert body_pose(data, f"c{k}_origin") == pytest.approx(moved @ expected[k], abs=1e-9)
 
 
@@ -273,6 +273,10 @@ def compare_with_mjcf(model: mujoco.MjModel, reference: mujoco.MjModel) -> None:
         assert model.joint(name).range == pytest.approx(reference.joint(path).range, abs=1e-15)
         assert model.joint(name).damping == pytest.approx(reference.joint(path).damping)
         assert model.joint(name).frictionloss == pytest.approx(reference.joint(path).frictionloss)
+    links = [name for k in range(1, reference.nbody) if not (name := reference.body(k).name).endswith(HELD)]
+    sites = [name for k in range(reference.nsite) if not (name := reference.site(k).name).endswith(HELD)]
+    bodies = [model.body(frame_body(model, link.replace("/", "_"))).id for link in links], [reference.body(link).id for link in links]
+    frames = [model.body(site.replace("/", "_")).id for site in sites], [reference.site(site).id for site in sites]
     rng = np.random.default_rng(4)
     for _ in range(20):
         q = rng.uniform(-1.0, 1.0, len(paths))
@@ -283,11 +287,11 @@ def compare_with_mjcf(model: mujoco.MjModel, reference: mujoco.MjModel) -> None:
             expected.qpos[:7] = (0, 0, 0, 1, 0, 0, 0)
         mujoco.mj_forward(model, data)
         mujoco.mj_forward(reference, expected)
-        for link in (name for k in range(1, reference.nbody) if not (name := reference.body(k).name).endswith(HELD)):
-            assert link_frame(model, data, link.replace("/", "_")) == pytest.approx(body_pose(expected, link), abs=1e-12)
-        for site in (name for k in range(reference.nsite) if not (name := reference.site(k).name).endswith(HELD)):
-            assert data.body(site.replace("/", "_")).xpos == pytest.approx(expected.site(site).xpos, abs=1e-12)
-            assert data.body(site.replace("/", "_")).xmat == pytest.approx(expected.site(site).xmat, abs=1e-12)
+        for found, wanted in (
+            (data.xpos[bodies[0]], expected.xpos[bodies[1]]), (data.xmat[bodies[0]], expected.xmat[bodies[1]]),
+            (data.xpos[frames[0]], expected.site_xpos[frames[1]]), (data.xmat[frames[0]], expected.site_xmat[frames[1]]),
+        ):
+            np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-12)
         full, wanted = np.zeros((model.nv, model.nv)), np.zeros((reference.nv, reference.nv))
         mujoco.mj_fullM(model, data, full)
         mujoco.mj_fullM(reference, expected, wanted)

@@ -34,9 +34,9 @@ def test_committed_schemas_are_up_to_date() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_schemas_are_valid(kind: str) -> None:
+def test_schemas_name_their_dialect_and_kind(kind: str) -> None:
+    """`test_schema_documents.py` compares the committed schemas with the metaschema."""
     schema = schema_of(kind)
-    jsonschema.Draft202012Validator.check_schema(schema)
     assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
     assert schema["title"] == f"thingc {kind} document, version 1"
     assert '"null"' not in json.dumps(schema)

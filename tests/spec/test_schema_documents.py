@@ -89,8 +89,8 @@ def test_schemas_match_the_metaschema() -> None:
 
 
 def test_metaschema_check_detects_a_broken_schema(tmp_path: Path) -> None:
-    broken = json.loads(SCHEMAS[0].read_text())
-    broken["properties"]["name"]["type"] = "txet"
+    broken = json.loads((ROOT / "schemas" / "calibration-1.json").read_text())  # a small one
+    broken["properties"]["description"]["type"] = "txet"
     (tmp_path / "broken.json").write_text(json.dumps(broken))
     assert run("--check-metaschema", tmp_path / "broken.json")["status"] == "fail"
 

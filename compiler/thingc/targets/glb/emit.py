@@ -179,8 +179,7 @@ def _tessellate(primitive: Primitive) -> Any:
         case "cylinder":
             return trimesh.creation.cylinder(radius=size[0], height=2.0 * size[1], sections=2 * ROUND[0])
         case "capsule":
-            capsule: Any = trimesh.creation.capsule(radius=size[0], height=2.0 * size[1], count=list(ROUND))
-            return capsule
+            return trimesh.creation.capsule(radius=size[0], height=2.0 * size[1], count=list(ROUND))
         case "plane":
             x, y = (half or INFINITE_HALF for half in size[:2])
             corners = [(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)]
