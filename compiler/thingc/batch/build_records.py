@@ -28,8 +28,6 @@ from thingc.targets.artifact import MANIFEST, Content, StoredArtifact
 MESHES = "mjcf/assets/"
 """Path of the folder with the meshes of models, inside the folder of a variant."""
 
-_ID = re.compile("[0-9a-f]{12}")
-
 File = tuple[Any, ...]
 """The type of the values that identify files. Equal values identify the same file."""
 
@@ -119,9 +117,8 @@ class BuildRecords:
 
     def find(self, key: str) -> int | None:
         """Return the index of the finished variant with the id or name `key`. Return None if no finished variant has this id or name."""
-        if _ID.fullmatch(key):
-            with contextlib.suppress(ValueError):
-                return self.done[self._ids.index(int(key, 16))]
+        with contextlib.suppress(ValueError):
+            return self.done[self._ids.index(int(hash_name(key, 12), 16))]
         number = re.search("[0-9]+$", key)
         index = int(number[0]) if number is not None else -1  # default names; documents can define other names
         if contains(self.done, index) and self.line(index)["name"] == key:
@@ -146,8 +143,7 @@ class _InFolder:
         self.folder = folder
 
     def read(self, path: str) -> bytes:
-        with open(os.path.join(self.folder, path), "rb") as stream:
-            return stream.read()
+        return folder_layout.read_file(os.path.join(self.folder, path))
 
     def models(self) -> list[str]:
         return listing(os.path.join(self.folder, "mjcf"))

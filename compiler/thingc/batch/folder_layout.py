@@ -113,8 +113,13 @@ class SharedAssets:
 
     def read(self, sha256: str) -> bytes:
         """Return the content of the shared file with this SHA-256. Raises `OSError` if the file cannot be read."""
-        with open(asset_path(self.folder, sha256), "rb") as stream:
-            return stream.read()
+        return read_file(asset_path(self.folder, sha256))
+
+
+def read_file(path: str) -> bytes:
+    """Return the content of a file. Raises `OSError` if the file cannot be read."""
+    with open(path, "rb") as stream:
+        return stream.read()
 
 
 def asset_path(folder: str, sha256: str) -> str:

@@ -110,9 +110,8 @@ def digest_files(plan: Plan, folder: str) -> dict[str, str]:
     paths.
     """
     files = {os.path.join(plan.workspace.root, path): state for path, state in plan.inputs.items() if not path.startswith(OUTSIDE)}
-    with open(os.path.join(folder, folder_layout.BATCH), "rb") as stream:
-        files[stream.name] = hashlib.sha256(stream.read()).hexdigest()
-    return files
+    description = os.path.join(folder, folder_layout.BATCH)
+    return files | {description: hashlib.sha256(folder_layout.read_file(description)).hexdigest()}
 
 
 def job_of(plan: Plan, folder: str, options: Options, *, layout: str, verify: int, elsewhere: bool) -> Job:

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from thingc.batch.build_records import File
+from thingc.batch.folder_layout import read_file
 
 if TYPE_CHECKING:
     import mujoco
@@ -64,7 +65,7 @@ class MeshFiles:
         with self._lock:
             if sum(map(len, self._contents.values())) > MESH_BYTES:
                 self._contents.clear()
-            self._contents.update((file, _read(path)) for file, path in files.values() if file not in self._contents)
+            self._contents.update((file, read_file(path)) for file, path in files.values() if file not in self._contents)
             return {name: self._contents[file] for name, (file, _) in files.items()}
 
     @contextmanager
@@ -72,9 +73,4 @@ class MeshFiles:
         """Yield a virtual file system of MuJoCo that contains the given mesh files. Only one thread at a time can use this file system."""
         identities = {name: file for name, (file, _) in files.items()}  # each variant has links to the same files
         with self._lock:
-            yield self._mounted.mount(identities, lambda name: _read(files[name][1]))
-
-
-def _read(path: str) -> bytes:
-    with open(path, "rb") as stream:
-        return stream.read()
+            yield self._mounted.mount(identities, lambda name: read_file(files[name][1]))

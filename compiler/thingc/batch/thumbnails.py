@@ -14,7 +14,7 @@ import sys
 
 from thingc.base.filesystem import listing
 from thingc.base.json_lines_process import connect_to_parent
-from thingc.batch.folder_layout import NEW
+from thingc.batch.folder_layout import NEW, read_file
 from thingc.targets.render.picture import NoGraphics, extent, ready, small_picture
 
 
@@ -23,14 +23,8 @@ def load_pictures(path: str) -> tuple[str, dict[str, bytes]]:
 
     Return the XML text of the model, and the contents of its mesh files by file name. Raises `OSError` if a file cannot be read.
     """
-    with open(path, encoding="utf-8") as stream:
-        xml = stream.read()
     folder = os.path.join(os.path.dirname(path), "assets")
-    assets: dict[str, bytes] = {}
-    for name in listing(folder):
-        with open(os.path.join(folder, name), "rb") as mesh:
-            assets[name] = mesh.read()
-    return xml, assets
+    return read_file(path).decode(), {name: read_file(os.path.join(folder, name)) for name in listing(folder)}
 
 
 def main() -> None:
