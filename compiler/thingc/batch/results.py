@@ -27,7 +27,6 @@ from thingc.batch.build_records import BuildRecords, File, VariantFiles, contain
 from thingc.batch.folder import check_chunks, read_batch
 from thingc.batch.folder_layout import Line
 from thingc.batch.mesh_files import MeshFiles
-from thingc.batch.mujoco_arrays.text_models import ModelText, TextModels
 from thingc.batch.packed_layout import is_packed
 from thingc.batch.rules import PARAMETERS
 from thingc.batch.tables import flat
@@ -36,6 +35,7 @@ from thingc.targets.artifact import MANIFEST
 if TYPE_CHECKING:
     import mujoco
 
+    from thingc.batch.mujoco_arrays.text_models import ModelText, TextModels
     from thingc.modes import Modes
 
 VARIANTS, NAMES = 4096, 10_000
@@ -114,6 +114,8 @@ class BuiltVariant(OneLineRepr):
 
     def model_text(self, mode: str, scene: bool, visual: bool) -> ModelText:
         """Return the text and meshes that `model` compiles for the same arguments. Raises the same errors as `model`."""
+        from thingc.batch.mujoco_arrays.text_models import ModelText
+
         text, meshes = self._text(mode, scene, visual), self._files.meshes()
         return ModelText(
             text=text, meshes=tuple((name, file) for name, (file, _) in meshes.items()), assets=lambda: self.family.meshes.of(meshes),
@@ -344,6 +346,8 @@ class BatchResults(Sequence[BuiltVariant]):
         the next model is requested. Raises the same errors as `BuiltVariant.model`, and `FamilyError` for values that are not variants.
         This method is not thread-safe.
         """
+        from thingc.batch.mujoco_arrays.text_models import TextModels
+
         key = (self.choose_mode(mode), scene, visual)
         models = self._models.setdefault(key, TextModels())
         selected = self if variants is None else variants if isinstance(variants, Iterable) else [variants]

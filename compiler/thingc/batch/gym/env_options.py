@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import Any, TypedDict
 
+import mujoco
 import numpy as np
 
 from thingc.base.frozen_struct import FrozenStruct
@@ -14,9 +15,6 @@ from thingc.batch.gym.rewards import TASKS, Reward, Terminated
 from thingc.batch.results import FamilyError, UnknownVariant
 from thingc.batch.run_options import at_least, is_number, is_whole
 from thingc.modes.robot import CHOICES, OnMotion
-
-if TYPE_CHECKING:
-    import mujoco
 
 Settings = Mapping[str, Any]
 Draw = Callable[[np.random.Generator], Settings]

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import mujoco
 import numpy as np
 
 from thingc.base.suggestions import did_you_mean
@@ -14,12 +15,12 @@ from thingc.batch.gym.drive_effects import DriveEffects
 from thingc.batch.gym.env_options import EnvRules
 from thingc.batch.gym.rewards import Array, StepInfo
 from thingc.batch.results import FamilyError, UnknownVariant
+from thingc.driver.testing.settle_simulation import BAD
 from thingc.targets.mjcf.drives import start_delays
 
 if TYPE_CHECKING:
-    import mujoco
-
     from thingc.modes import Modes
+
 
 def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
     """Check the options that were passed to `reset`, and return them as a dict. Raises `FamilyError` for an unknown option."""
@@ -103,8 +104,6 @@ class Episode:
         `source` is the random generator for the noise. `name` is the name of the variant, which is used in error messages. `size` is the
         number of elements of an action. Raises `UnknownVariant` if the initial pose does not exist.
         """
-        import mujoco
-
         for number, (simulation, data) in enumerate(zip(self.simulations, self.states, strict=True)):
             _reset(simulation.model, data, self._rules.pose if number == 0 else None, name)
         self.mode = self.steps = 0
@@ -150,8 +149,6 @@ class Episode:
 
     def _switch(self, mode: int) -> str | None:
         """Switch the robot to the mode with this index. Return None after a switch, or the reason if the switch is refused."""
-        import mujoco
-
         from thingc.modes import ModesError
 
         old, new, rules = self.simulations[self.mode], self.simulations[mode], self._rules
@@ -185,7 +182,7 @@ class Episode:
         data, effects = self.data, self.simulations[self.mode].effects
         effects.step(data, self._rules.frame_skip, self._source)
         self.steps += 1
-        self.unstable = _unstable(data)
+        self.unstable = any(data.warning[kind].number for kind in BAD)  # MuJoCo has reset a simulation with NaN or very large numbers
         if not self.unstable:
             effects.forward(data)
 
@@ -225,8 +222,6 @@ def _number(reward: Any) -> float:
 
 
 def _reset(model: mujoco.MjModel, data: mujoco.MjData, pose: str | None, name: str) -> None:
-    import mujoco
-
     if pose is None and not model.nkey:
         mujoco.mj_resetData(model, data)
     else:
@@ -239,14 +234,6 @@ def _keyframe(model: mujoco.MjModel, pose: str, name: str) -> int:
     if pose not in names:
         raise UnknownVariant(f"variant `{name}` has no pose `{pose}`", did_you_mean(str(pose), names, what="poses"))
     return names.index(pose)
-
-
-def _unstable(data: mujoco.MjData) -> bool:
-    """Return whether the simulation has become unstable, so that MuJoCo has reset it because of NaN or very large numbers."""
-    import mujoco
-
-    faults = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
-    return any(data.warning[fault].number for fault in faults)
 
 
 def spans_of(model: mujoco.MjModel) -> tuple[Array, Array]:

@@ -16,8 +16,9 @@ from collections import Counter, OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from numbers import Integral
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import Any, Unpack
 
+import mujoco
 import numpy as np
 from msgspec.structs import replace
 
@@ -42,9 +43,6 @@ try:
     from gymnasium.vector.utils import batch_space
 except ImportError as fault:  # pragma: no cover - reported with a help text
     raise ImportError("environments need Gymnasium: pip install 'thingc[learning]'") from fault
-
-if TYPE_CHECKING:
-    import mujoco
 
 __all__ = [
     "CACHED", "ENVIRONMENT", "EnvOptions", "FamilyEnv", "FamilyVectorEnv", "Reward", "Settings", "StepInfo", "Terminated", "make_env",
@@ -237,8 +235,6 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         return modes.tolist(), as_actions(actions["joints"], shape)
 
     def _image(self, k: int) -> Any:
-        import mujoco
-
         _, _, episode = self._world(k)
         renderer, model = self._renderers.pop(id(episode.model), (None, None))
         if renderer is None:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
+import mujoco
 import numpy as np
 
 from thingc.base.frozen_struct import FrozenStruct
@@ -19,8 +20,6 @@ from thingc.batch.gym.rewards import Array, Descriptor
 from thingc.batch.results import FamilyError, UnknownVariant
 
 if TYPE_CHECKING:
-    import mujoco
-
     from thingc.modes import Modes
 
 
@@ -154,8 +153,6 @@ class Morphologies:
 
         If the models of both robots have the same layout, the `MjData` of the episode `previous` are reused.
         """
-        import mujoco
-
         states: Sequence[mujoco.MjData]
         if previous is not None and previous[1].layout == morphology.layout:
             states = previous[2].states

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import mujoco
 import numpy as np
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import did_you_mean
 from thingc.batch.families.family import RobotFamily
 from thingc.batch.results import BuiltVariant, FamilyError, UnknownVariant
-
-if TYPE_CHECKING:
-    import mujoco
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -58,8 +56,6 @@ def hold(step: StepInfo) -> float:
 
     The squared norm of the action, multiplied by 0.001, is subtracted from the reward.
     """
-    import mujoco
-
     away = np.zeros(step.model.nv)
     mujoco.mj_differentiatePos(step.model, away, 1.0, step.start, step.data.qpos)
     return float(np.exp(-away @ away) - 1e-3 * step.action @ step.action)

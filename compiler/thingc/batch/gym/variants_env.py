@@ -17,8 +17,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import mujoco
 import numpy as np
 
 from thingc.batch.gym.env_options import EnvRules
@@ -31,9 +32,6 @@ try:
     import gymnasium
 except ImportError as fault:  # pragma: no cover - reported with a help text
     raise ImportError("environments need Gymnasium: pip install 'thingc[learning]'") from fault
-
-if TYPE_CHECKING:
-    import mujoco
 
 __all__ = ["CACHED", "ENVIRONMENT", "TASKS", "Reward", "StepInfo", "Terminated", "VariantsEnv", "make_env"]
 
@@ -118,8 +116,6 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
 
     def _new_episode(self, variant: BuiltVariant) -> Episode:
         """Create an episode that simulates a variant."""
-        import mujoco
-
         (model,) = self.family.models([variant], self.mode, scene=self._rules.floor, visual=self._rules.shows_visual)
         return Episode([ModeSimulation(self.mode, model, np.arange(model.nu))], [mujoco.MjData(model)], variant, self._rules)
 

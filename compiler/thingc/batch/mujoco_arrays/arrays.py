@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
 from thingc.batch.mujoco_arrays.entries import INERTIAL, NumberPlaces, Write, affect_constants
 from thingc.batch.mujoco_arrays.equality import owner_of, restore
 
 if TYPE_CHECKING:
     import mujoco
-    import numpy as np
 
-    Array = np.ndarray[Any, np.dtype[Any]]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 _LEAST = 1e-5
 """Size [m] that the statistics assume for a body or model without extent."""
@@ -33,7 +34,6 @@ class Statistics:
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, specified: Collection[str] = ()) -> None:
         import mujoco
-        import numpy as np
 
         bodies = range(1, model.nbody)
         ends = [(int(body), int(model.body_parentid[body])) for body in model.jnt_bodyid]
@@ -63,8 +63,6 @@ class Statistics:
         `positions` contains an array (number of elements, variants, 3) for each array in the attribute `positions`, at `qpos0`. If all
         variants have the same positions, the arrays can contain only one variant.
         """
-        import numpy as np
-
         anchors, centres, shapes, bodies, sites = positions
         count = bodies.shape[1]
         x, y, z = np.moveaxis(np.concatenate((anchors[self._joints], shapes[self._geoms])) - centres[self._owners], -1, 0)
@@ -120,7 +118,6 @@ class Arrays:
 
     def __init__(self, text: str, tokens: Mapping[str, int], plain: str, assets: Mapping[str, bytes], compile: Compile) -> None:
         import mujoco
-        import numpy as np
 
         self._text = plain
         self._assets = assets
@@ -154,8 +151,6 @@ class Arrays:
 
     def _colliding(self, body: int) -> Array:
         """Return the indices of the colliding geoms of a body, followed by -1. Return an empty array if the body has no colliding geoms."""
-        import numpy as np
-
         m = self.model
         geoms = range(int(m.body_geomadr[body]), int(m.body_geomadr[body]) + int(m.body_geomnum[body]))
         colliding = [g for g in geoms if m.geom_contype[g] or m.geom_conaffinity[g]]
@@ -167,7 +162,6 @@ class Arrays:
         Raises `ValueError` if MuJoCo rejects a variant.
         """
         import mujoco
-        import numpy as np
 
         first, count = self._first, len(values)
         numbers = np.array(values, dtype=float).reshape(count, -1)
@@ -198,8 +192,6 @@ class Arrays:
 
         These elements include the bounding boxes of colliding geoms, which are aligned with the principal axes.
         """
-        import numpy as np
-
         model, count = self.model, len(inertials)
         copies = 1 if count == 1 else TOGETHER
         small = self._small.get(copies)
@@ -305,8 +297,6 @@ class Bodies:
         Return the principal moments (copies, bodies, 3), the quaternions of the principal axes (copies, bodies, 4), and the fields of the
         bounding volume tree of each body.
         """
-        import numpy as np
-
         copies, last = self.copies, len(inertials) - 1
         for b, bodies in enumerate(self._bodies):
             for k, body in enumerate(bodies):

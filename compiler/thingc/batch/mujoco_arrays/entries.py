@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
 if TYPE_CHECKING:
     import mujoco
-    import numpy as np
-
 
 class NotAnArrayEntry(Exception):
     """Raised if MuJoCo's compiler changes a number, so that none of the model's arrays contains this number unchanged.
@@ -93,8 +93,6 @@ class NumberPlaces:
     """
 
     def __init__(self, root: Element, tokens: Mapping[str, int], model: mujoco.MjModel, *, geometry: bool = False) -> None:
-        import numpy as np
-
         entries, inertials = places(root, tokens, model, geometry=geometry)
         self.writes = {name: Write(*map(np.array, zip(*rows, strict=True))) for name, rows in sorted(entries.items())}
         self.names = list(inertials)

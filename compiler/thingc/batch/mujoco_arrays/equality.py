@@ -6,6 +6,8 @@ import hashlib
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
     import mujoco
 
@@ -24,8 +26,6 @@ def different_fields(first: mujoco.MjModel, second: mujoco.MjModel) -> list[str]
 
 def restore(model: mujoco.MjModel, first: mujoco.MjModel) -> None:
     """Reset `model`, a modified copy of `first`, by copying all values of `first` to `model`."""
-    import numpy as np
-
     for name in different_fields(model, first):
         owner, field = owner_of(model, name)
         value = getattr(*owner_of(first, name))
@@ -37,8 +37,6 @@ def restore(model: mujoco.MjModel, first: mujoco.MjModel) -> None:
 
 def names(model: mujoco.MjModel) -> Iterator[str]:
     """Yield the names of all compared fields of a model, such as `body_mass`, `opt.gravity` or `vis.map.znear`."""
-    import numpy as np
-
     for prefix in ("", *(f"{group}." for group in GROUPS)):
         owner, _ = owner_of(model, prefix)
         for name in dir(owner):
@@ -69,7 +67,5 @@ def digest(model: mujoco.MjModel, chosen: Callable[[str], bool]) -> bytes:
 
 def content(model: Any, name: str) -> bytes:
     """Return the shape and the value of a field as bytes that can be compared."""
-    import numpy as np
-
     value = np.asarray(getattr(*owner_of(model, name), None))
     return str(value.shape).encode() + value.tobytes()
