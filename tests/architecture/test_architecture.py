@@ -166,6 +166,32 @@ def test_exported_names_exist() -> None:
     subprocess.run([sys.executable, "-c", f"import sys\nfrom importlib import import_module\n{look}", *packages], check=True)
 
 
+def test_scripts_import_names_that_exist() -> None:
+    """mypy does not check the scripts of benchmarks, documentation and packaging."""
+    scripts = [path for name in ("benchmarks", "docs", "examples", "packaging") for path in (ROOT / name).rglob("*.py")]
+    wrong = []
+    for script in scripts:
+        for node in ast.walk(ast.parse(script.read_text())):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "thingc":
+                names = [name.name for name in node.names if not is_defined(node, name.name)]
+                wrong += [f"{script.relative_to(ROOT)}: {node.module}.{name}" for name in names]
+    assert len(scripts) > 50 and wrong == []
+
+
+def is_defined(node: ast.ImportFrom, name: str) -> bool:
+    """Return whether a module of thingc defines or imports a name, or is a package with a module of this name."""
+    folder = PACKAGE.joinpath(*str(node.module).split(".")[1:])
+    module = folder / "__init__.py" if folder.is_dir() else folder.with_suffix(".py")
+    return (folder / f"{name}.py").exists() or (folder / name).is_dir() or (module.exists() and name in defined_names(module))
+
+
+@cache
+def defined_names(module: Path) -> frozenset[str]:
+    """Return the names of all definitions, assignments and imports of a module, and of what is inside its definitions."""
+    nodes = list(ast.walk(tree(module)))
+    return frozenset(str(getattr(node, key)) for node in nodes for key in ("name", "id", "asname") if hasattr(node, key))
+
+
 def test_optional_dependencies_are_imported_lazily() -> None:
     """Packages of extras are imported inside functions. Modules that require an extra are imported lazily as well."""
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
