@@ -182,8 +182,7 @@ class PartInstances:
                 return None
             use.record = result
             if not result.exact:  # the values belong to a similar part, so errors that depend on these values are not reported
-                self._findings.incomplete = True
-                self.unknown = True
+                self._findings.incomplete = self.unknown = True
             self._warn(use, result)
         elif not isinstance(definition, LinkDefinition) and not component.frame:
             return None
@@ -304,12 +303,11 @@ class PartInstances:
         try:
             return weigh_shapes(definition, use.material, self._meshes, use.component.overrides)
         except MissingDensity as why:
-            if not str(why):  # the file was not read, or its error has been reported
-                self._findings.incomplete = True
-                self.unknown = True
-                return None
-            help = "give every shape, or the link, a `material` with a density, or add `mass:`, `com:` and `inertia:`"
-            use.error(Code.NO_MATERIAL, f"`{use.component.name}` {why}", help=help)
+            if str(why):
+                help = "give every shape, or the link, a `material` with a density, or add `mass:`, `com:` and `inertia:`"
+                use.error(Code.NO_MATERIAL, f"`{use.component.name}` {why}", help=help)
+            else:  # the file was not read, or its error has been reported
+                self._findings.incomplete = self.unknown = True
             return None
 
     def _warn_of_density(self, use: _Use, record: PartRecord, weighed: MassResult) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 
 from msgspec.structs import replace
@@ -34,12 +34,11 @@ Nest = Callable[[ResolveRun, str, AssemblySpec, Mapping[str, ExpressionValue], c
 """Function that resolves a nested document with values of its parameters and with choices for the document."""
 
 
-def nodes(context: ResolveRun, table: DocumentScope, items: Iterable[Unrolled[ComponentSpec]], nest: Nest) -> None:
+def nodes(context: ResolveRun, table: DocumentScope, items: Sequence[Unrolled[ComponentSpec]], nest: Nest) -> None:
     """Resolve the components of a document, and store the results in `table.nodes`.
 
     The parts, links and frames of the document are also counted.
     """
-    items = tuple(items)
     if table.choices:
         choose.check_names(context, table, items)
     for item in items:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from msgspec.structs import replace
@@ -20,9 +20,8 @@ from thingc.model.resolve.scope import DefaultLayers
 from thingc.model.resolve.types import Joint
 
 
-def mimics(table: DocumentScope, items: Iterable[Unrolled[JointSpec]]) -> None:
+def mimics(table: DocumentScope, items: Sequence[Unrolled[JointSpec]]) -> None:
     """Resolve the mimics of all joints, and add them to `table.joints`. Invalid mimics are reported and omitted."""
-    items = list(items)
     for item in items:
         own = [joint for joint in table.joints.values() if joint is not None and joint.name.joint == item.name]
         for number, joint in enumerate(own):

@@ -234,7 +234,8 @@ class Loops:
         `movable` contains the paths of joints that can move (None: all joints). With `base_moves`, the root link can also move.
         """
         chosen = [c for c in self.coordinates if movable is None or c.path in movable]
-        state = self._clamp(start, chosen)
+        to_limits = [(minimum(maximum(start.q[c.path], c.lower), c.upper) - start.q[c.path]) / c.unit for c in chosen]
+        state = self._move(start, chosen, to_limits, False)
         error = self._stack_errors(state)
         cost = _square(error)
         damping = 1e-6
@@ -402,11 +403,6 @@ class Loops:
             place = (t[0] + self.length * sx, t[1] + self.length * sy, t[2] + self.length * sz)
             base = Pose(rotation=orthonormal(multiply(_turn((rx, ry, rz)), base.rotation)), translation=place)
         return SolverState(q=q, base=base)
-
-    def _clamp(self, state: SolverState, chosen: Sequence[LoopCoordinate]) -> SolverState:
-        """Return a copy of the state in which movable joints that are outside their limits are moved to the limits."""
-        at_limits = [(minimum(maximum(state.q[c.path], c.lower), c.upper) - state.q[c.path]) / c.unit for c in chosen]
-        return self._move(state, chosen, at_limits, False)
 
 
 def _coordinates(joints: Mapping[str, JointEdge], length: float) -> Iterator[LoopCoordinate]:
