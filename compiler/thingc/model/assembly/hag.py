@@ -31,18 +31,18 @@ class Definition(OneLineRepr, FrozenStruct):
     plain: Definition | None = None
 
     @classmethod
-    def of(cls, made: PartDefinition | LinkDefinition | AssemblyDefinition) -> Definition:
+    def of(cls, definition: PartDefinition | LinkDefinition | AssemblyDefinition) -> Definition:
         """Create the node of the hierarchical assembly graph for the definition of a part, a link or an assembly."""
         kind: DefinitionKind
-        match made:
+        match definition:
             case PartDefinition():
-                reference, kind = made.reference, "part" if made.kind == "code" else "file"
+                reference, kind = definition.reference, "part" if definition.kind == "code" else "file"
             case LinkDefinition():
                 reference, kind = "link", "link"
             case AssemblyDefinition():
-                reference, kind = made.document, "assembly"
-        plain = None if made.plain is None else cls.of(made.plain)
-        return cls(text=made.text, label=made.label, reference=reference, kind=kind, mirror=made.mirror, plain=plain)
+                reference, kind = definition.document, "assembly"
+        plain = None if definition.plain is None else cls.of(definition.plain)
+        return cls(text=definition.text, label=definition.label, reference=reference, kind=kind, mirror=definition.mirror, plain=plain)
 
 
 class DefinitionEdge(OneLineRepr, FrozenStruct):

@@ -53,14 +53,14 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
     one of its occurrences is in `faulty`, because its error has been reported. Links of a definition that is used several times are
     reported once.
     """
-    said: set[Span] = set()
+    reported: set[Span] = set()
     modes, link_of = robot.modes, robot.link_of
     groups = rigid_groups(len(robot.links), link_of, robot.mates)
     still = [groups[link_of[mode.root.occurrence]] if stays(mode.base) else () for mode in modes]
     common = set.intersection(*map(set, still)) if still else set()
     skip = {link_of[occurrence] for occurrence in faulty}
     for link in robot.links:
-        if link.index in skip or link.index in common or not modes or not said.isdisjoint(link.origin[:1]):
+        if link.index in skip or link.index in common or not modes or not reported.isdisjoint(link.origin[:1]):
             continue
         heaviest = max((robot.links[one] for one in groups[link.index]), key=lambda one: one.properties.mass)
         if heaviest is not link and link.properties.inertia == ZERO:
@@ -74,7 +74,7 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
         light = _light(mass, moments[0])
         if light is None and fault is None:
             continue
-        said.update(link.origin[:1])
+        reported.update(link.origin[:1])
         members = [robot.occurrences[k] for k in link.members]
         named = f"component{'' if len(members) == 1 else 's'} {quote_names([member.path for member in members], 6)}"
         if fault is not None:

@@ -54,7 +54,7 @@ def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate
     namings = _namings(tree, link_of)
     neighbours = neighbourhood(len(occurrences), mates)
     rigid = tuple((m.parent, m.child, m.X_PJ, m.X_JC) for m in mates if not m.separates)
-    taken: dict[str, Link] = {}
+    by_name: dict[str, Link] = {}
     for index, inside in enumerate(members):
         first = occurrences[inside[0]]
         naming = namings.get(index) or _Naming(first.path, first.index, 0, "", first.origin)
@@ -69,7 +69,7 @@ def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate
             properties=memo(("weight", naming.name), _sum_masses, tuple(occurrences[k].properties for k in inside), poses),
             origin=naming.origin,
         ))
-        other = taken.setdefault(link.name, link)
+        other = by_name.setdefault(link.name, link)
         if other is not link:
             _clash(other, link, named=index in namings, occurrences=occurrences, findings=tree.findings)
         yield link

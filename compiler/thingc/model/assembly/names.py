@@ -41,11 +41,11 @@ def names_of(tree: Tree, robot: Connected) -> FileNames | None:
         "sensors": ((sensor.path, sensor.origin) for sensor in robot.sensors),
         "poses": ((pose.name, pose.origin) for pose in tree.model.poses),
     }
-    whole = named.get("joints", {})
+    joint_names = named.get("joints", {})
     for kind, those in things.items():
         given = named.get(kind, {})
         if kind == "actuators":  # by default, an actuator has the same name as its joint or tendon
-            given = {joint.path: whole[joint.name.joint.replace(".", "/")] for joint in joints if joint.path in whole} | given
+            given = {joint.path: joint_names[joint.name.joint.replace(".", "/")] for joint in joints if joint.path in joint_names} | given
             given = named.get("tendons", {}) | given
         if given:
             _check(those, given, tree.findings)

@@ -28,12 +28,12 @@ def check_nested_simulation(tree: Tree) -> None:
     for definition, instance in nested.values():
         unused = {key: f"{value} s" if key == "timestep" else value for key, value in definition.simulation.items() if key not in stated}
         if unused:
-            said = ", ".join(f"{key}: {value}" for key, value in unused.items())
+            settings = ", ".join(f"{key}: {value}" for key, value in unused.items())
             tree.findings.warn(
                 Code.NESTED_SIMULATION,
-                f"`simulation: {{{said}}}` of the nested document `{definition.name}` is not used, and `{top.name}` does not set it",
+                f"`simulation: {{{settings}}}` of the nested document `{definition.name}` is not used, and `{top.name}` does not set it",
                 (definition.step_origin or definition.origin) + instance.origin, path=instance.path,
-                help=f"add `simulation: {{{said}}}` to the document of `{top.name}`",
+                help=f"add `simulation: {{{settings}}}` to the document of `{top.name}`",
             )
 
 
@@ -83,14 +83,14 @@ def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: f
     """Warn of forces of magnets that are implausible in comparison with the weight of the robot."""
     weight = mass * GRAVITY
     places = {mode.name: mode for mode in top.modes}
-    said: set[tuple[str, float]] = set()
+    reported: set[tuple[str, float]] = set()
     for mode in modes:
         for reference, force in places[mode.name].adhesion if mode.name in places else ():
-            if WEAK * weight <= force <= STRONG * weight or weight <= 0.0 or (reference.text, force) in said:
+            if WEAK * weight <= force <= STRONG * weight or weight <= 0.0 or (reference.text, force) in reported:
                 continue
             ratio = force / weight
             times = f"{times_words(ratio)} times" if ratio > 1.0 else f"{ratio:.2g} times"
-            said.add((reference.text, force))
+            reported.add((reference.text, force))
             findings.warn(
                 Code.MAGNET, f"the magnet `{reference.text}` pulls with {Quantity(force, FORCE)}, {times} the weight of the robot "
                 f"({Quantity(float(f'{weight:.3g}'), FORCE)})", reference.origin, path=mode.name,

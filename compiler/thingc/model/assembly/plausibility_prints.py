@@ -48,16 +48,16 @@ def check_processes(tree: Tree, occurrences: Sequence[Occurrence]) -> None:
     used = set()
     for one in occurrences:
         material, own = one.material, one.overrides.process
-        under = material.process if material is not None else None
-        if under is not None and material is not None:
+        base = material.process if material is not None else None
+        if base is not None and material is not None:
             used.add(material.process_origin)
-            for doubt in doubts(under):
-                _warn(doubt, under, (), one.path, make_notes(f"`{one.component.name}` is made of this material", one.origin), tree.findings)
+            for doubt in doubts(base):
+                _warn(doubt, base, (), one.path, make_notes(f"`{one.component.name}` is made of this material", one.origin), tree.findings)
         if own is not None:
-            for doubt in _doubts(own.merge_over(under or Process()), own.origins):
+            for doubt in _doubts(own.merge_over(base or Process()), own.origins):
                 notes = make_notes(f"`{one.component.name}` is printed with this process", one.component.origin)
-                beside = own.origins[doubt.key][0].line == one.component.origin[0].line
-                _warn(doubt, own, one.component.full_origin((), one.origin), one.path, () if beside else notes, tree.findings)
+                same_line = own.origins[doubt.key][0].line == one.component.origin[0].line
+                _warn(doubt, own, one.component.full_origin((), one.origin), one.path, () if same_line else notes, tree.findings)
     for instance, definition in tree.assemblies:
         for material in definition.materials.values():
             if material.process is not None and material.process_origin not in used:

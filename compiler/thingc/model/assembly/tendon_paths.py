@@ -62,16 +62,16 @@ def course(steps: Sequence[TendonStep], at: Mapping[str, Pose]) -> TendonCourse:
                 ends = (at[last.path].translation, at[step.mount.path].translation)
                 arc = None if around is None else _around(around, at, *ends)
                 if arc is None or around is None or around.mount is None:
-                    made = [TendonSpan(ends=(last, step.mount), points=ends, divisor=divisor)]
+                    segments = [TendonSpan(ends=(last, step.mount), points=ends, divisor=divisor)]
                 else:
                     curve, first, second = arc
                     length += curve / divisor
-                    made = [
+                    segments = [
                         TendonSpan(ends=(last, around.mount), points=(ends[0], first), divisor=divisor),
                         TendonSpan(ends=(around.mount, step.mount), points=(second, ends[1]), divisor=divisor),
                     ]
-                length = sum_of((length, *(span.length / divisor for span in made)))
-                spans += made
+                length = sum_of((length, *(span.length / divisor for span in segments)))
+                spans += segments
             last, around = step.mount, None
     return TendonCourse(length=length, spans=tuple(spans))
 

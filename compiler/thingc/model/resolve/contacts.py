@@ -63,14 +63,14 @@ def adhesions(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> It
 
 
 def pairs(
-    table: DocumentScope, scope: Scope, contacts: DefaultLayers, apart: Sequence[tuple[Reference, Reference]],
+    table: DocumentScope, scope: Scope, contacts: DefaultLayers, excluded: Sequence[tuple[Reference, Reference]],
 ) -> Iterator[ContactPair[Reference]]:
-    """Yield the pairs of components that always collide. The pairs `apart` must not collide.
+    """Yield the pairs of components that always collide. The pairs in `excluded` must not collide.
 
     Invalid pairs are reported and omitted. The pass `link` finds pairs that are listed twice.
     """
     specs, path = contacts.pick("pairs")
-    ignored = {frozenset((one.path, other.path)): one.origin for one, other in apart}
+    ignored = {frozenset((one.path, other.path)): one.origin for one, other in excluded}
     for index, spec in enumerate(specs or ()):
         at = (*path, index)
         for pair in _pairs_of(table, scope, spec, at):

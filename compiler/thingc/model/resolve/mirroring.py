@@ -130,14 +130,14 @@ def with_own_images(model: AssemblyDefinition, records: Mapping[str, PartRecord 
 
     `records` contains the records of all definitions in the model, and of the originals of mirror images.
     """
-    made: dict[int, AssemblyDefinition] = {}  # equal definitions remain the same object, and unchanged definitions are not copied
+    results: dict[int, AssemblyDefinition] = {}  # equal definitions remain the same object, and unchanged definitions are not copied
 
     def of(definition: AssemblyDefinition) -> AssemblyDefinition:
-        if id(definition) not in made:
+        if id(definition) not in results:
             components = tuple(map(of_component, definition.components))
             same = all(new is old for new, old in zip(components, definition.components, strict=True))
-            made[id(definition)] = definition if same else replace(definition, components=components)
-        return made[id(definition)]
+            results[id(definition)] = definition if same else replace(definition, components=components)
+        return results[id(definition)]
 
     def of_component(component: Component) -> Component:
         definition = component.definition

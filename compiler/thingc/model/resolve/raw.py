@@ -73,8 +73,8 @@ def named_kind(attributes: Mapping[str, str], name: str) -> str | None:
 
     Return None if the attribute is not a reference.
     """
-    said = attributes.get(_OBJECTS.get(name, ""))
-    return {"xbody": "body"}.get(said, said) if said is not None else _KINDS.get(name)
+    kind = attributes.get(_OBJECTS.get(name, ""))
+    return {"xbody": "body"}.get(kind, kind) if kind is not None else _KINDS.get(name)
 
 
 def text(value: object) -> str:
@@ -142,9 +142,9 @@ def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
                 help=f"write, for example, `{target}: {{joint: {{yaw: {EXAMPLES[target]}}}}}`",
             )
             continue
-        laid = {key: one for key, one in attributes.items() if target != "mjcf" or key not in (ADD, ORDER)}  # see `added_elements` for ADD
-        flattened.extend(_flatten(scope, target, laid, path, ()))
-        if len(laid) < len(attributes):
+        copied = {key: one for key, one in attributes.items() if target != "mjcf" or key not in (ADD, ORDER)}  # see `added_elements`
+        flattened.extend(_flatten(scope, target, copied, path, ()))
+        if len(copied) < len(attributes):
             flattened.extend(_order_attributes(scope, attributes.get(ORDER, {}), (*path, ORDER)))
     return tuple(flattened)
 

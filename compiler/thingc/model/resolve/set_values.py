@@ -111,18 +111,18 @@ def _with_leaf(node: Node | None, keys: tuple[str, ...], leaf: Node) -> Node:
     return MappingNode(entries=entries, keys=spans, span=leaf.span if node is None else node.span)
 
 
-def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, whole: Callable[[str], str]) -> PathNotFound | None:
+def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, from_top: Callable[[str], str]) -> PathNotFound | None:
     """Return an error with the nearest valid path if the path of an option does not exist.
 
     The path must be valid in the document model and, for named elements, exist in `tree`. Return None if the path is valid, or if `text` is
-    a mapping or list. The function `whole` converts a path in the document to a path that begins in the top document.
+    a mapping or list. The function `from_top` converts a path in the document to a path that begins in the top document.
     """
     if keys[0] in FIXED:
         return PathNotFound(f"`{keys[0]}` cannot be set by a path", FIXED[keys[0]])
     node: Node | None = tree
     shape = shape_of(AssemblySpec)
     for depth, key in enumerate(keys):
-        here = whole(".".join(keys[:depth]))
+        here = from_top(".".join(keys[:depth]))
         if isinstance(node, ScalarNode):
             return PathNotFound(f"`{here}` is `{shorten(node.text)}` and has no keys", f"set `{here}`")
         branches = alternatives(shape)
@@ -142,19 +142,19 @@ def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, wh
             written = entries_of(node)
             shape = shape_of(named.members[0])
             if shape.kind in ("model", "dict") and key not in written:
-                return _no_such(document, keys, depth, written, whole)
+                return _no_such(document, keys, depth, written, from_top)
         elif keys[0] == "raw":  # this key accepts all values that its target accepts
             return None
         elif any(branch.model is not None for branch in branches):
-            there = [key for one in branches if one.model is not None for key in model_keys(one.model)]
-            return _no_such(document, keys, depth, there, whole)
+            keys_here = [key for one in branches if one.model is not None for key in model_keys(one.model)]
+            return _no_such(document, keys, depth, keys_here, from_top)
         else:
             return PathNotFound(f"`{here}` is a value and has no keys", f"set `{here}`")
         node = node.entries.get(key) if isinstance(node, MappingNode) else None
-    return None if is_flow(text) else _incomplete_path_error(whole(".".join(keys)), shape, node)
+    return None if is_flow(text) else _incomplete_path_error(from_top(".".join(keys)), shape, node)
 
 
-def _no_such(document: Document, keys: tuple[str, ...], depth: int, known: Iterable[str], whole: Callable[[str], str]) -> PathNotFound:
+def _no_such(document: Document, keys: tuple[str, ...], depth: int, known: Iterable[str], from_top: Callable[[str], str]) -> PathNotFound:
     """Return the error for an unknown key in a path.
 
     `depth` is the index of the key in the path, and `known` contains the valid keys at this position.
@@ -163,12 +163,12 @@ def _no_such(document: Document, keys: tuple[str, ...], depth: int, known: Itera
     sections = [name for name, node in document.tree.entries.items() if isinstance(node, MappingNode) and keys[0] in node.entries]
     near = nearest(key, known)
     if depth == 0 and sections:
-        help: Hint = f"did you mean `{whole('.'.join((sections[0], *keys)))}`?"
+        help: Hint = f"did you mean `{from_top('.'.join((sections[0], *keys)))}`?"
     elif near is not None:
-        help = f"did you mean `{whole('.'.join((*keys[:depth], near, *keys[depth + 1:])))}`?"
+        help = f"did you mean `{from_top('.'.join((*keys[:depth], near, *keys[depth + 1:])))}`?"
     else:
         help = did_you_mean(key, known, what=keys[0] if depth == 1 else "keys")
-    here = f"`{whole('.'.join(keys[:depth]))}` has" if depth else "an assembly has"
+    here = f"`{from_top('.'.join(keys[:depth]))}` has" if depth else "an assembly has"
     return PathNotFound(f"{here} no `{shorten(key)}`", help)
 
 

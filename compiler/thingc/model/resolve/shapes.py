@@ -37,15 +37,15 @@ def of_collision(context: ResolveRun, table: DocumentScope, node: ComponentScope
     spec, path = node.spec.collision, (*node.path, "collision")
     if not isinstance(spec, CollisionSpec):
         return {}
-    made: dict[str, LinkDefinition] = {}
+    lists: dict[str, LinkDefinition] = {}
     choices: list[tuple[str, str | ChoiceSpec]] = [("", spec), *spec.by_target.items()]
     for name, choice in choices:
         shapes = None if isinstance(choice, str) else choice.shapes
         at: Path = (*path, *(("targets", name) if name else ()), "shapes")
         listed = None if shapes is None else _resolve_shapes(context, table, node, shapes, at)
         if listed is not None:
-            made[name] = listed if node.spec.mirror is None else listed.mirror_image(node.spec.mirror)
-    return made
+            lists[name] = listed if node.spec.mirror is None else listed.mirror_image(node.spec.mirror)
+    return lists
 
 
 def _resolve_shapes(
@@ -89,8 +89,8 @@ def _mesh(context: ResolveRun, scope: Scope, spec: ContactShapeSpec, path: Path)
                 f"{LARGEST // 1_000_000} MB", (*path, "mesh"), help="simplify the mesh: tens of thousands of triangles are enough",
             )
             return None
-        beside = tuple(os.path.join(os.path.dirname(absolute), name) for name in libraries(absolute))
-        times = tuple(os.stat(one).st_mtime_ns if os.path.isfile(one) else 0 for one in beside)
+        library_files = tuple(os.path.join(os.path.dirname(absolute), name) for name in libraries(absolute))
+        times = tuple(os.stat(one).st_mtime_ns if os.path.isfile(one) else 0 for one in library_files)
         state = (stat.st_ino, stat.st_size, stat.st_mtime_ns, *times)
         return context.memo(("mesh", absolute, scale), partial(_file, scale, context.digest), absolute, workspace.relative(absolute), state)
     except OSError:
@@ -121,8 +121,8 @@ def _scale(scope: Scope, spec: ContactShapeSpec, path: Path) -> Vector | None:
     if not x * y * z:
         scope.error(Code.OUT_OF_RANGE, "a factor of `scale` is 0", at, help="write, for example, `scale: [1, 1, -1]`")
         return None
-    said = spec.mesh is not None and spec.mesh.lower().endswith(SUFFIXES_WITH_UNIT)
-    unit = 1.0 if said else parse_quantity(f"1 {spec.unit or FILE_UNIT}").value
+    has_unit = spec.mesh is not None and spec.mesh.lower().endswith(SUFFIXES_WITH_UNIT)
+    unit = 1.0 if has_unit else parse_quantity(f"1 {spec.unit or FILE_UNIT}").value
     return x * unit, y * unit, z * unit
 
 
@@ -146,8 +146,8 @@ def primitive(scope: Scope, spec: ContactShapeSpec | VolumeSpec, path: Path, pos
             sides = [length(getattr(written, key), (*at, key), LENGTH, f"`{key}`", above=0.0) for key in ("radius", "length")]
         case "mesh":
             return None
-    whole = [side for side in sides if side is not None]
-    if len(whole) < len(sides):
+    lengths = [side for side in sides if side is not None]
+    if len(lengths) < len(sides):
         return None
     halved = {"box": (0, 1, 2), "plane": (0, 1), "cylinder": (1,), "capsule": (1,)}.get(spec.kind, ())
-    return Primitive(shape=spec.kind, size=tuple(side / 2.0 if k in halved else side for k, side in enumerate(whole)), pose=pose)
+    return Primitive(shape=spec.kind, size=tuple(side / 2.0 if k in halved else side for k, side in enumerate(lengths)), pose=pose)

@@ -78,8 +78,8 @@ def occurrence_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = N
 
 def course_of(robot: Robot, tendon: LinkedTendon, bodies: Sequence[Pose]) -> TendonCourse:
     """Compute the length and the straight segments of a tendon in the world. `bodies` contains the poses of all bodies."""
-    wanted = {mount.path for mount in tendon.mounts}
-    return course(tendon.steps, {site.path: bodies[site.body] @ site.pose for site in robot.sites if site.path in wanted})
+    paths = {mount.path for mount in tendon.mounts}
+    return course(tendon.steps, {site.path: bodies[site.body] @ site.pose for site in robot.sites if site.path in paths})
 
 
 def rates(robot: Robot, tendon: LinkedTendon, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[str, float]:

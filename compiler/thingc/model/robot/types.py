@@ -123,8 +123,8 @@ def residual_words(residual: tuple[float, float]) -> str:
 
     Digits below 1e-4 are omitted, because they differ between machines.
     """
-    apart, turned = round(1000.0 * residual[0], 4), round(numeric.degrees(residual[1]), 4)
-    return f"{apart:.3g} mm and {turned:.3g} deg" if apart or turned else "less than 0.0001 mm and 0.0001 deg"
+    distance, angle = round(1000.0 * residual[0], 4), round(numeric.degrees(residual[1]), 4)
+    return f"{distance:.3g} mm and {angle:.3g} deg" if distance or angle else "less than 0.0001 mm and 0.0001 deg"
 
 
 class Keyframe(OneLineRepr, FrozenStruct):
