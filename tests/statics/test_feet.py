@@ -142,6 +142,16 @@ def least_margin(efforts: dict[str, float]) -> float:
 # --- a tripod ----------------------------------------------------------------------------------------------------------------
 
 
+def test_efforts_do_not_depend_on_the_place_of_the_robot(hexapod: Hexapod) -> None:
+    robot = hexapod.robot("three")
+    frame = robot.keyframes[0]
+    here = frame.base or robot.bodies[0].X_PL
+    x, y, z = here.translation
+    there = replace(here, translation=(x + 0.3, y - 0.2, z))
+    first, second = (static_efforts(robot, frame.q, body_poses(robot, frame.q, base)) for base in (here, there))
+    assert second.by_joint == pytest.approx(first.by_joint, rel=1e-6, abs=1e-9) and second.unheld == pytest.approx(first.unheld, abs=1e-9)
+
+
 def test_frictionless_tripod_matches_force_balance(hexapod: Hexapod) -> None:
     """Three forces whose sum is the weight, and whose moments are those of the weight at the centre of mass."""
     balance = Balance(hexapod.scene("three"), "tripod", THREE)
