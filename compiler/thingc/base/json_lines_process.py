@@ -24,16 +24,15 @@ Lines = queue.SimpleQueue["tuple[JsonLinesProcess, Any]"]
 
 
 class ProcessLost(Exception):
-    """Raised if a child process has ended, or if it does not answer in time (`hung`). `words` describes the cause."""
+    """Raised if a child process has ended, or if it does not answer in time (`hung`). The message describes the cause."""
 
-    def __init__(self, words: str, *, hung: bool = False) -> None:
-        super().__init__(words)
-        self.words = words
+    def __init__(self, message: str, *, hung: bool = False) -> None:
+        super().__init__(message)
         self.hung = hung
 
 
 class JsonLinesProcess:
-    """A child process `python -m MODULE WORDS` that exchanges lines of JSON over its standard input and output.
+    """A child process `python -m MODULE ARGUMENTS` that exchanges lines of JSON over its standard input and output.
 
     The process runs in its own session, so that Ctrl-C in the terminal does not interrupt it. A thread reads the output of the process and
     puts each value into the queue `lines` as a tuple `(process, value)`. When the output ends, the thread puts `(process, None)` into the
@@ -41,12 +40,12 @@ class JsonLinesProcess:
     """
 
     def __init__(
-        self, module: str, *words: str, cwd: str | None = None, env: Mapping[str, str] | None = None, lines: Lines | None = None,
+        self, module: str, *arguments: str, cwd: str | None = None, env: Mapping[str, str] | None = None, lines: Lines | None = None,
     ) -> None:
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the process
         try:
             self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", module, *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors,
+                [sys.executable, "-P", "-m", module, *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors,
                 cwd=cwd, env=env, start_new_session=True,
             )
         except OSError:

@@ -94,7 +94,7 @@ class Runners:
                 runner.answer(LOADING)  # this waits until the runner has read the documents
                 return runner
             except ProcessLost as fault:
-                output = f"{fault.words}\n{runner.errors()}"
+                output = f"{fault}\n{runner.errors()}"
                 self.drop(runner)
             except BaseException:
                 self.drop(runner)
@@ -175,7 +175,7 @@ def evaluate(job: str, tasks: Sequence[Variant], timeout: float, on_row: OnRow |
         except ProcessLost as fault:
             pool.raise_if_cancelled()
             code = Code.VARIANT_HUNG if fault.hung else Code.VARIANT_DIED
-            message = f"the process of the variant {'was terminated' if fault.hung else 'crashed'}: {fault.words}"
+            message = f"the process of the variant {'was terminated' if fault.hung else 'crashed'}: {fault}"
             take(row(remaining.pop(0), "failed", code=code.code, message=message, detail=runner.errors(), pid=runner.pid))
             pool.drop(runner)
         except BaseException:  # the state of the runner is unknown, so the runner is not reused

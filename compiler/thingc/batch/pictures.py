@@ -184,7 +184,7 @@ def _draw_parts(
 def _lost(process: JsonLinesProcess, fault: ProcessLost) -> Diagnostic:
     """Return a warning that the rendering process has ended unexpectedly. The warning contains the last line of output of the process."""
     lines = process.errors().strip().splitlines()
-    return _error(f"the rendering process failed: {fault.words}", lines[-1] if lines else "")
+    return _error(f"the rendering process failed: {fault}", lines[-1] if lines else "")
 
 
 def _error(message: str, hint: str) -> Diagnostic:

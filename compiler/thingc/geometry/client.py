@@ -152,7 +152,7 @@ class Workers:
                     worker.process.ask({"forget": number})
 
     def run(self, requests: Iterable[Mapping[str, Any]]) -> Iterator[tuple[Mapping[str, Any], dict[str, Any]]]:
-        """Yield every request with its answer when the answer arrives: `{"answer": ...}` or `{"failed", "words", "detail"}`.
+        """Yield every request with its answer when the answer arrives: `{"answer": ...}` or `{"failed", "message", "detail"}`.
 
         A request contains the operation `op` and the time limit `timeout` [s]. `requests` is read lazily, shortly before each request is
         sent. Raises `WorkerBroken` if no worker can be started.
@@ -213,7 +213,7 @@ class Workers:
             if slowest.deadline > time.monotonic():
                 return None
             self._end(slowest)
-            return slowest, {"failed": "hung", "words": "", "detail": ""}, False
+            return slowest, {"failed": "hung", "message": "", "detail": ""}, False
         if not self._processes:  # closed by another thread
             raise WorkerBroken(_ENDED)
         worker = next((known for known in self._processes if known.process is process), None)
@@ -221,7 +221,7 @@ class Workers:
             return None
         if answer is None:
             self._end(worker)
-            return worker, {"failed": "crashed", "words": "the worker process ended", "detail": ""}, False
+            return worker, {"failed": "crashed", "message": "the worker process ended", "detail": ""}, False
         if "broken" in answer:
             self.close()
             raise WorkerBroken(f"the CAD kernel cannot be loaded: {answer['broken']}", answer.get("detail", ""))
@@ -305,7 +305,7 @@ class NoWorkers(Workers):
     def run(self, requests: Iterable[Mapping[str, Any]]) -> Iterator[tuple[Mapping[str, Any], dict[str, Any]]]:
         """Yield a failure of the kind `ABSENT` for every request."""
         for request in requests:
-            yield request, {"failed": ABSENT, "words": "the cache does not contain the part", "detail": ""}
+            yield request, {"failed": ABSENT, "message": "the cache does not contain the part", "detail": ""}
 
 
 def once(request: Mapping[str, Any]) -> dict[str, Any]:
@@ -316,13 +316,13 @@ def once(request: Mapping[str, Any]) -> dict[str, Any]:
     try:
         process = _server(["--once"])
     except OSError as fault:
-        return {"failed": "crashed", "words": _no_process(fault), "detail": ""}
+        return {"failed": "crashed", "message": _no_process(fault), "detail": ""}
     try:
         process.ask({"id": 0, **request})
         answer: dict[str, Any] = process.answer(float(request["timeout"]) + LOADING)
         return answer
     except ProcessLost as fault:
-        return {"failed": "hung" if fault.hung else "crashed", "words": "" if fault.hung else f"of the worker {fault.words}", "detail": ""}
+        return {"failed": "hung" if fault.hung else "crashed", "message": "" if fault.hung else f"of the worker {fault}", "detail": ""}
     finally:
         process.kill()
         process.close()

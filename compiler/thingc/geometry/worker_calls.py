@@ -77,10 +77,10 @@ class WorkerCalls:
                 answered.add(id(request))
                 self._progress(what, done, len(requests))
                 if answer.get("failed") == "unusable":
-                    raise StoreUnusable(self.store.root, answer["words"])
+                    raise StoreUnusable(self.store.root, answer["message"])
                 yield request, answer
         except WorkerBroken as fault:
-            failed = {"failed": "crashed", "words": str(fault), "detail": fault.detail}
+            failed = {"failed": "crashed", "message": str(fault), "detail": fault.detail}
             yield from ((request, failed) for request in requests if id(request) not in answered)
 
     def call_kernel(self, name: str, **fields: Any) -> dict[str, Any]:
@@ -97,7 +97,7 @@ class WorkerCalls:
             self.store.check()
             answer = once(request)
         if "answer" not in answer:
-            raise AssemblyFailed(name, answer.get("words") or answer["failed"], answer.get("detail", ""))
+            raise AssemblyFailed(name, answer.get("message") or answer["failed"], answer.get("detail", ""))
         return answer["answer"]  # type: ignore[no-any-return]
 
     def failure(self, subject: str, answer: Mapping[str, Any]) -> PartFailure:
@@ -107,7 +107,7 @@ class WorkerCalls:
         """
         detail = answer.get("detail", "")
         file, line = self._part_line(detail)
-        message = f"it took longer than {self.timeout:g} s" if answer["failed"] == "hung" else answer["words"]
+        message = f"it took longer than {self.timeout:g} s" if answer["failed"] == "hung" else answer["message"]
         return PartFailure(
             subject=subject, kind=answer["failed"], message=message, file=full(file, self._workspace.root), line=line,
             detail=detail or None,

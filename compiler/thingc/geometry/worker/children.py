@@ -160,7 +160,7 @@ class Child:
             "hung": "", "swarmed": f"it had more than {PROCESSES} processes at once", "crashed": end_text(self.status),
             "starved": f"more than {self.request.get('memory', DEFAULT_MEMORY) / 1e9:.3g} GB",
         }
-        return {"id": self.request.get("id"), "failed": reason, "words": reasons[reason], "detail": tail}
+        return {"id": self.request.get("id"), "failed": reason, "message": reasons[reason], "detail": tail}
 
     def _end_processes(self, others: Collection[int]) -> list[str]:
         """Kill the child process and all processes that it started.

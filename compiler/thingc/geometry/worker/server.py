@@ -145,7 +145,7 @@ def _answer_or_failure(request: Mapping[str, Any]) -> dict[str, Any]:
         import traceback
 
         message = f"{type(fault).__name__}: {fault}"
-        return {"id": request["id"], "failed": "crashed", "words": message, "detail": traceback.format_exc()}
+        return {"id": request["id"], "failed": "crashed", "message": message, "detail": traceback.format_exc()}
 
 
 def answer_request(request: Mapping[str, Any]) -> dict[str, Any]:
@@ -159,7 +159,7 @@ def answer_request(request: Mapping[str, Any]) -> dict[str, Any]:
         answer = perform(request)
         return {"answer": answer, "span": [answer.pop("loaded", start), time.monotonic()]}
     except StoreUnusable as fault:
-        return {"failed": "unusable", "words": fault.reason}
+        return {"failed": "unusable", "message": fault.reason}
 
 
 def _move_results(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
@@ -173,7 +173,7 @@ def _move_results(answer: dict[str, Any], store: str, folder: str) -> dict[str, 
         lines = lines_of(folder)
         return {**answer, "printed": lines} if lines else answer
     except StoreUnusable as fault:
-        return {"id": answer["id"], "failed": "unusable", "words": fault.reason}
+        return {"id": answer["id"], "failed": "unusable", "message": fault.reason}
     finally:
         remove(folder)
 

@@ -360,10 +360,10 @@ def expand_xacro(path: str, arguments: Mapping[str, str], packages: Mapping[str,
         process = subprocess.run(command, input=f"{request}\n", capture_output=True, text=True, timeout=5.0 * SECONDS + PATIENCE)
         answer = json.loads(process.stdout)
     except (subprocess.TimeoutExpired, ValueError):
-        answer = {"failed": "crashed", "words": "the process ended"}
+        answer = {"failed": "crashed", "message": "the process ended"}
     fault = answer.get("fault")
     if "failed" in answer:
-        reason = answer["words"] or f"xacro took longer than {5 * SECONDS} s"
+        reason = answer["message"] or f"xacro took longer than {5 * SECONDS} s"
         fault = f"xacro failed ({reason}); the limits are {SECONDS} s and 2 GB"
     elif answer.get("left"):
         fault = "the expressions start processes that do not end"

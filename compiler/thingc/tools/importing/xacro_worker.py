@@ -43,7 +43,8 @@ def main() -> int:
     child.ask({**request, "id": 0, "readable": readable})
     answer = child.wait()
     scratch.close()
-    print(json.dumps(answer if is_plausible(answer, [request["path"], *readable]) else {"failed": "crashed", "words": "an invalid answer"}))
+    invalid = {"failed": "crashed", "message": "an invalid answer"}
+    print(json.dumps(answer if is_plausible(answer, [request["path"], *readable]) else invalid))
     return 0
 
 
