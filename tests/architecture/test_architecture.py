@@ -386,7 +386,7 @@ INDICES_AND_CONSTANTS = {
     "base/inertia.py": {"math.copysign", "math.hypot"}, "base/pose.py": {"math.cos", "math.sin", "max"},  # inside of one operation
     "documents/expressions/parsing.py": {"max"}, "documents/expressions/value_text.py": {"math.ulp"},
     "model/assembly/links.py": {"max"}, "model/assembly/modes.py": {"max", "min"}, "model/resolve/scope.py": {"max"},
-    "model/robot/spanning_tree.py": {"max", "min"}, "model/robot/start_pose_checks.py": {"math.ceil"},
+    "model/robot/kinematic_tree.py": {"max", "min"}, "model/robot/start_pose_checks.py": {"math.ceil"},
     "model/statics/load_sharing.py": {"max"},
     "targets/mjcf/accepted_models.py": {"max", "min"}, "targets/mjcf/body_tree.py": {"max"},
     "targets/mjcf/compat/mjx.py": {"max", "math.cos", "math.sin"}, "targets/usd/chain.py": {"max", "min"},

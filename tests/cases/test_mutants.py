@@ -27,7 +27,7 @@ from thingc.geometry.service import GeometryService
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.linking import link
 from thingc.model.resolve.resolver import Settings, Sources, resolve
-from thingc.model.robot.spanning_tree import root
+from thingc.model.robot.kinematic_tree import root
 
 pytestmark = pytest.mark.slow
 

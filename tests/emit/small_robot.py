@@ -30,7 +30,7 @@ from thingc.model.assembly.types import (
 )
 from thingc.model.resolve.coordinates import CoordinateName, Dynamics, Limit
 from thingc.model.resolve.types import BomEntry, Material, NamedPose, Overrides, Process
-from thingc.model.robot.spanning_tree import root
+from thingc.model.robot.kinematic_tree import root
 from thingc.model.robot.types import Robot
 from thingc.targets.request import EmitRequest
 

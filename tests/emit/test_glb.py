@@ -25,7 +25,7 @@ from thingc.base.pose import NO_POSE, Pose
 from thingc.base.primitives import Primitive
 from thingc.geometry.store.local import Store
 from thingc.model.resolve.types import Overrides
-from thingc.model.robot.spanning_tree import root
+from thingc.model.robot.kinematic_tree import root
 from thingc.model.robot.types import Closure
 from thingc.targets.artifact import Artifacts, Loss
 from thingc.targets.glb.emit import _tessellate, emit

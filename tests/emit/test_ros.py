@@ -33,7 +33,7 @@ from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Store
 from thingc.model.resolve.coordinates import Dynamics, Limit
 from thingc.model.resolve.types import Drive, Joint
-from thingc.model.robot.spanning_tree import root as rooted
+from thingc.model.robot.kinematic_tree import root as rooted
 from thingc.targets.artifact import Artifacts
 from thingc.targets.mjcf.emit import emit as emit_mjcf
 from thingc.targets.name_mangling import package_name

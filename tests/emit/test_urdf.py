@@ -41,7 +41,7 @@ from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.coordinates import Dynamics, Limit
 from thingc.model.resolve.types import Drive
-from thingc.model.robot.spanning_tree import root as rooted
+from thingc.model.robot.kinematic_tree import root as rooted
 from thingc.model.robot.tree import in_link
 from thingc.targets.artifact import Artifacts
 from thingc.targets.geometry import Shape

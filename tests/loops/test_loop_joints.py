@@ -12,8 +12,8 @@ import pytest
 from loops.robots import BALL, Built, at_key, compiled, equality_residual, pose_of
 from thingc.base.diagnostics import Report
 from thingc.base.memo import Memo
+from thingc.model.robot.kinematic_tree import root
 from thingc.model.robot.loop_solver import Loops
-from thingc.model.robot.spanning_tree import root
 from thingc.tools.cli.info import as_text, mode_data
 
 A, B, C, D = 0.06, 0.18, 0.12, 0.2

@@ -31,7 +31,7 @@ from graph.builder import (
 from thingc.base.diagnostics import Code, Report
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly
-from thingc.model.robot.spanning_tree import root
+from thingc.model.robot.kinematic_tree import root
 from thingc.modes import Modes
 from thingc.modes.state import RobotState
 from thingc.modes.tree import Mode

@@ -46,8 +46,8 @@ from thingc.geometry.record import Mesh
 from thingc.model.assembly.types import Assembly, Listed, Surface
 from thingc.model.resolve.types import Standing
 from thingc.model.robot.floor_height import stand
+from thingc.model.robot.kinematic_tree import root
 from thingc.model.robot.kinematics import body_poses, occurrence_poses
-from thingc.model.robot.spanning_tree import root
 from thingc.model.robot.start_pose_checks import check_starts
 from thingc.model.robot.types import Robot
 

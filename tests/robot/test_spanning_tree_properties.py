@@ -44,8 +44,8 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.joints.kinds import KINDS
 from thingc.base.pose import NO_POSE
 from thingc.model.assembly.types import Assembly
+from thingc.model.robot.kinematic_tree import root
 from thingc.model.robot.kinematics import occurrence_poses
-from thingc.model.robot.spanning_tree import root
 from thingc.model.robot.types import Robot
 
 COUNTS = {name: len(kind.twists) for name, kind in KINDS.items() if kind.moves and not kind.at_once}

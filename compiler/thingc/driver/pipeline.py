@@ -298,7 +298,7 @@ def _run_passes(
     from thingc.model.resolve.mirroring import with_own_images
     from thingc.model.resolve.resolver import resolve, resolve_materials
     from thingc.model.robot.floor_height import stand
-    from thingc.model.robot.spanning_tree import root
+    from thingc.model.robot.kinematic_tree import root
 
     report, memo = environment.report.copy(), environment.memo
     if loaded is None:

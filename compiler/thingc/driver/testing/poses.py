@@ -11,7 +11,7 @@ from thingc.driver.testing.numpy_tree import quasi_random
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import Assembly, LinkedMode
 from thingc.model.resolve.types import JointRange, NamedPose
-from thingc.model.robot.spanning_tree import root
+from thingc.model.robot.kinematic_tree import root
 from thingc.model.robot.types import Keyframe, Robot
 
 
