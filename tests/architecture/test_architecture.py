@@ -296,8 +296,8 @@ NO_NOUNS = {
 }
 """Participles, prepositions and adverbs: alone they do not describe the subject of a module."""
 MANY = 12
-PROTOCOLS = {"run", "configure", "emit"}
-"""Functions with the same name in all modules of a kind: commands and targets."""
+PROTOCOLS = {"run", "configure", "emit", "measure"}
+"""Functions with the same name in all modules of a kind: commands, targets and document tests."""
 
 
 def test_module_names_are_nouns() -> None:

@@ -28,6 +28,7 @@ from loops.test_holds import POSES
 from loops.test_loop_joints import FOURBAR
 from robot.test_spanning_tree_properties import COUNTS, Tree, build, robots, world_of
 from thingc.base.diagnostics import Report
+from thingc.base.joints.kinds import KINDS
 from thingc.base.pose import Pose
 from thingc.base.primitives import Primitive
 from thingc.driver import pipeline
@@ -179,6 +180,11 @@ class Compiled:
 @pytest.fixture(scope="module")
 def every(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
     return Compiled(tmp_path_factory.mktemp("every"), EVERY)
+
+
+def test_document_has_every_kind_of_joint() -> None:
+    """Free joints are in `tests/robot/test_free_joints.py`, and planar joints in the random trees."""
+    assert KINDS.keys() - re.findall(r"type: (\w+)", EVERY) == {"fixed", "free", "planar"}
 
 
 def posed(reference: mujoco.MjModel, rng: np.random.Generator) -> tuple[mujoco.MjData, dict[str, Any]]:

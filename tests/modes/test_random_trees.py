@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from loops.robots import MATE, Array, Built, compiled
 from modes.switching_robots import assert_said, bodies, jacobian, mass_matrix
+from thingc.base.joints.kinds import KINDS
 from thingc.modes import Mode, Modes, RobotState
 
 LINKS = 6
@@ -185,6 +186,10 @@ def at(built: Built, mode: Mode, state: RobotState) -> mujoco.MjData:
     Modes({mode.name: mode}).write(state, data)
     mujoco.mj_forward(model, data)
     return data
+
+
+def test_every_kind_of_joint_occurs() -> None:
+    assert {edge.kind for seed in range(FREE + 1) for edge in random_tree(seed)[1]} == KINDS.keys() - {"fixed"}
 
 
 def test_poses_match_the_formulas(tree: tuple[Built, list[Edge], int]) -> None:
