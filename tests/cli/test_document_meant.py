@@ -77,4 +77,4 @@ def test_check_checks_the_whole_folder(capsys: Said) -> None:
     assert main(["check"]) == 0
     assert capsys.readouterr().out.endswith("robot.yaml: ok\n4 documents checked, all ok\n")
     assert main(["check", "--touched"]) == 2
-    assert "missing: files that have changed\n  help: pass the output of `git diff --name-only main...`" in capsys.readouterr().out
+    assert "--touched requires changed files\n  help: pass the output of `git diff --name-only main...`" in capsys.readouterr().out

@@ -392,7 +392,7 @@ def test_screw_is_a_hinge_and_a_mimic_slide() -> None:
     assert follows is not None and ends is not None and follows.attrib["joint"] == "j1"
     thread = float(follows.attrib["multiplier"])
     assert sorted([-thread, 2 * thread]) == [float(ends.attrib["lower"]), float(ends.attrib["upper"])]
-    lost = "the thread: a prismatic joint mimics the rotation, and moves freely without support for mimics"
+    lost = "the thread: a prismatic joint mimics the rotation, and moves freely if mimics are unsupported"
     assert ("j1", lost, "approximated") in set(said(made))
 
 

@@ -75,7 +75,7 @@ def test_paths_are_relative_to_the_referring_document(tmp_path: Path) -> None:
     ("materials: [material.yaml]", Code.MISSING_FILE, "there is no file `material.yaml`", "did you mean `materials.yaml`?",
      (3, 13)),
     ("components: {x: {assembly: nest/b.yaml}}", Code.MISSING_FILE, "there is no file `nest/b.yaml`",
-     "there is no folder `nest/` here", (3, 28)),
+     "the folder `nest/` does not exist", (3, 28)),
     ("components: {x: {assembly: /etc/b.yaml}}", Code.OUTSIDE_WORKSPACE, "`/etc/b.yaml` is an absolute path",
      "write a path relative to this document, inside the workspace", (3, 28)),
     ("components: {x: {assembly: ~/b.yaml}}", Code.OUTSIDE_WORKSPACE, "`~/b.yaml` is an absolute path",

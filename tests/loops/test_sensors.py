@@ -254,7 +254,7 @@ SENSORS = BODY.partition("sensors:")[0] + "sensors:\n"
          "a sensor of type `imu` measures several quantities: `noise` must specify which one",
          "write, for example, `noise: {accelerometer: ...}`"),
         ("a: {type: pose, at: body.imu, noise: {quat: 1 deg}}", "TC212",
-         "a sensor of type `pose` does not measure `quat`, so it has no `noise`",
+         "`noise` contains `quat`, which a sensor of type `pose` does not measure",
          "known readings: `position`"),
         ("a: {type: gyro, at: body.imu, cutoff: 3 mm}", "TC314",
          "`cutoff` of sensor `a` must be an angular velocity (such as 46 rpm), found a length (`3 mm`)", None),
@@ -282,6 +282,6 @@ def test_sensor_of_a_fixed_joint_is_reported(tmp_path: Path) -> None:
     ).replace("joints:\n", "joints:\n  neck: {type: fixed, parent: body.imu, child: head.origin}\n")
     found = compiled(tmp_path, {"walker.yaml": text, "leg.yaml": LEG})
     assert [line[:3] for line in found.said] == [(
-        "TC338", "joint `neck` is fixed and does not move: it has nothing to measure",
+        "TC338", "joint `neck` is fixed and does not move: there is nothing to measure",
         "use a joint that moves, or a `force` sensor at one of its mounts",
     )]

@@ -31,7 +31,7 @@ REFUSED = {
     "pose stretch": "`stretch` cannot be renamed to `x_stretch`: the text at walker.yaml:{str*} would change its meaning",
     "mount hip_0": "`hip_0` cannot be renamed to `x_hip_0`: the text at walker.yaml:{hip_$n} would change its meaning",
     "mount hip_1": "`hip_1` cannot be renamed to `x_hip_1`: the text at walker.yaml:{hip_$n} would change its meaning",
-    "index i": "the index `i` is the default: first add `as: i` under `repeat`",
+    "index i": "the index has its default name `i`: first add `as: i` under `repeat`",
 }
 """Names of the walker that cannot be renamed, and why; braces contain text whose first line number is inserted."""
 

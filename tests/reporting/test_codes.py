@@ -174,7 +174,7 @@ def test_unknown_code_suggests_similar_ones(word: str, meant: str | None, capsys
     assert main(["explain", word]) == 2
     printed = capsys.readouterr()
     assert printed.out == "" and f"there is no code `{word}`" in printed.err
-    assert "run `thingc explain` for a list of codes" in printed.err or "near it: " in printed.err
+    assert "run `thingc explain` for a list of codes" in printed.err or "similar codes: " in printed.err
 
 
 def test_explain_without_arguments_lists_all_codes(capsys: pytest.CaptureFixture[str]) -> None:

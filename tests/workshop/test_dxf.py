@@ -201,4 +201,4 @@ def test_the_edges_of_a_mesh_are_straight(tmp_path: Path) -> None:
 
 def test_robot_of_bought_parts_is_a_loss(tmp_path: Path) -> None:
     assert build(tmp_path, ROBOT.replace("flat:PART", "flat:plate, bom: {make: buy}")) == {}
-    assert lost(tmp_path) == [("robot", "the robot has no part with geometry that is not bought")]
+    assert lost(tmp_path) == [("robot", "all parts of the robot are bought or have no geometry")]

@@ -97,7 +97,7 @@ class Bolts(MountFeature, kw_only=False):
         if max(self.count, len(self.at)) > MOST_BOLTS:
             raise ValueError(f"a pattern must have at most {MOST_BOLTS} holes, found {max(self.count, len(self.at))}")
         if self.circle is None and (self.start or self.count > 1) or self.at and self.circle is not None:
-            raise ValueError("`count` and `start` need the diameter of a `circle`, which cannot be combined with `at`")
+            raise ValueError("`count` and `start` need the diameter of a `circle`, and `circle` cannot be combined with `at`")
 
     def __str__(self) -> str:
         return f"{len(self.at) or self.count} x {self.thread}" + ("" if self.circle is None else f" on {mm(self.circle)}")
@@ -160,7 +160,7 @@ class RoundFeature(MountFeature, kw_only=False):
 
     def __post_init__(self) -> None:
         if self.clearance is not None and not (self.diameter > self.clearance[0] <= self.clearance[1]):
-            raise ValueError("the first `clearance` must be smaller than the `diameter`, and not larger than the second")
+            raise ValueError("the first value of `clearance` must be smaller than the `diameter`, and not larger than the second value")
 
     def __str__(self) -> str:
         return f"{type(self).__name__.lower()} {mm(self.diameter)}"

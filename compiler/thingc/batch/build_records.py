@@ -231,7 +231,7 @@ def find_variant(plan: Plan, key: str, folder: str) -> tuple[Variant, str | None
             return variant, variant.failed or line.get("rule")
     raise BatchFault(
         Code.BATCH_CHANGED,
-        f"no variant of `{plan.relative}` has the settings of `{key}` in `{shown_path(folder)}` any more",
+        f"no variant of `{plan.relative}` now has the settings that `{key}` has in `{shown_path(folder)}`",
         "the documents have changed since that batch was built: build the batch again, and use an id from its table",
     )
 

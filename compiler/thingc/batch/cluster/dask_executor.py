@@ -158,7 +158,7 @@ class DaskCluster(Cluster):
             self.unship(name)
             raise BatchFault(
                 Code.CLUSTER, f"a worker cannot receive the workspace: {_first_line(fault)}",
-                "workers unpack it in their folders (`--local-directory` of `dask worker`), which need enough free space",
+                "workers unpack the workspace in their folders (`--local-directory` of `dask worker`), which need enough free space",
             ) from None
 
     def unship(self, name: str) -> None:

@@ -405,7 +405,7 @@ class RobotFamily:
             if name not in self._numbers.spec.tests:
                 raise FamilyError(f"there is no test `{name}`", did_you_mean(name, self._numbers.spec.tests, what="tests"))
             if (kind := self._numbers.spec.tests[name].kind) not in TESTED:
-                raise FamilyError(f"`{TEST}{name}` has no derivatives, because `{kind}` is not a smooth number", f"remove `{TEST}{name}`")
+                raise FamilyError(f"`{TEST}{name}` has no derivatives, because a `{kind}` test is not smooth", f"remove `{TEST}{name}`")
         if names and not alone:
             raise FamilyError(f"`{TEST}{names[0]}` cannot be computed with other results", "use a separate function for tests")
 

@@ -312,7 +312,7 @@ class FamilyFunction:
         agree = all(np.all(np.abs(slopes - sides[0][0]) <= TOLERANCE * np.abs(slopes) + tolerance) for pair in sides for slopes in pair)
         if not sides or not agree:
             raise NotDifferentiable(
-                f"the results are not differentiable by `{self.names[place]}` at {self._format_row(x)}: "
+                f"the results are not differentiable with respect to `{self.names[place]}` at {self._format_row(x)}: "
                 "a result or a derivative jumps there",
                 f"choose another value of `{self.names[place]}`"
             )
@@ -371,8 +371,8 @@ class FamilyFunction:
         if not np.all(values.ok):
             name, problems = self.names[place], values.problems[int(np.argmin(values.ok))] if values.ok is not None else ()
             raise NotDifferentiable(
-                f"the derivative by `{name}` is estimated from `{name}` = {points[0, place]:g} to {points[-1, place]:g}, and some of these "
-                f"values have no results: {_errors(problems) or 'a result does not exist'}", f"choose another value of `{name}`",
+                f"the derivative with respect to `{name}` is estimated from `{name}` = {points[0, place]:g} to {points[-1, place]:g}, and "
+                f"some values have no results: {_errors(problems) or 'a result does not exist'}", f"choose another value of `{name}`",
             )
         return np.asarray(values)
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class StackTest(Model):
-    """The deviation of a mount that tolerances and backlash cause must be within bounds, along one direction."""
+    """The deviation of a mount along one direction, caused by tolerances and backlash, must be within bounds."""
 
     of: ShownMountField
     """The mount whose deviation is computed."""

@@ -66,7 +66,7 @@ def find_file(
         return None
     if not os.path.isfile(path):
         if os.path.isdir(path):
-            report.add(Code.MISSING_FILE, f"`{name}` is a folder, not a file", where, help="use a file in this folder")
+            report.add(Code.MISSING_FILE, f"`{name}` is a folder, not a file", where, help="use a file inside `{name}`")
         else:
             report.add(Code.MISSING_FILE, f"there is no file `{name}`", where, help=_missing_file_hint(path, text, relative_to, suffixes))
         return None
@@ -124,7 +124,7 @@ def _missing_file_hint(path: str, text: str, relative_to: str, suffixes: tuple[s
     try:
         files = [entry.name for entry in os.scandir(folder) if entry.is_file() and entry.name.lower().endswith(suffixes)]
     except OSError:
-        return f"there is no folder `{shorten(prefix)}` here" if prefix else "use a path relative to this document"
+        return f"the folder `{shorten(prefix)}` does not exist" if prefix else "use a path relative to this document"
     names = [prefix + name for name in files if os.path.join(folder, name) != os.path.normpath(relative_to)]
     if not names:
         return "correct the path, which is relative to this document"

@@ -53,7 +53,7 @@ def check_renamable(workspace: WorkspaceIndex, name: Name) -> None:
         raise RenameRefused(f"`thingc rename` does not rename {kinds}, such as `{shorten(name.text)}`")
     if workspace.index.find_declaration(name) is None:
         if name.kind == "index":
-            raise RenameRefused(f"the index `{name.text}` is the default: first add `as: {name.text}` under `repeat`")
+            raise RenameRefused(f"the index has its default name `{name.text}`: first add `as: {name.text}` under `repeat`")
         raise RenameRefused(f"cannot find the definition of the {description} `{name.text}` of `{name.owner}` without running its code")
     if name.kind == "sensor" and any(
         place.name.kind == "joint" and place.span == workspace.index.find_declaration(name) for place in workspace.index.places

@@ -84,7 +84,7 @@ class MountSpec(PoseSpec):
     """
 
     interface: str | InterfaceSpec | None = optional("x430-horn", {"bolts": {"thread": "M3", "count": 4, "circle": "20 mm"}})
-    """The interface of the mount: its mating features, which must fit the mount that it meets, or only a name."""
+    """The mating features of the mount, which must fit the mount on the other side, or only the name of an interface."""
 
 
 class BomSpec(Model):
@@ -223,7 +223,7 @@ class ComponentSpec(ComponentDefaults):
     at: AtSpec | None = optional({"in": "bracket.board", "xyz": "0 0 4 mm"})
     """Placement by a pose in another frame."""
     mode: name_types.NestedMode | None = optional("bench")
-    """A mode of the nested assembly: its root is placed `at` the pose and moves as the base of the mode."""
+    """A mode of the nested assembly. The root of the mode is placed `at` the pose, and can move like the base of the mode."""
     keep: bool = False
     """Whether the component starts a separate link, which a fixed joint connects to its neighbour; only with `attach` or `at`."""
     mounts: dict[name_types.NewMount, MountSpec] = Field(default={}, examples=[{"shaft": {"xyz": "0 0 20 mm", "rpy": "180 0 0 deg"}}])
@@ -276,7 +276,7 @@ class ComponentSpec(ComponentDefaults):
             raise rule("a component cannot have both `attach` and `at`", "remove `attach` or `at`", "at")
         require_with(self, "mode", "assembly", "remove `mode`")
         if self.keep and self.attach is None and self.at is None:
-            raise rule("`keep` can only be used with `attach` or `at`", "set `keep: true` of a `fixed` joint, or remove `keep`", "keep")
+            raise rule("`keep` can only be used with `attach` or `at`", "write `keep: true` in a `fixed` joint, or remove `keep`", "keep")
         if isinstance(self.attach, dict) and len(self.attach) != 1:
             raise rule(f"`attach` must contain one mate `{{my_mount: other.mount}}`, found {len(self.attach)}",
                         "use only one mate, which places the component completely" if self.attach

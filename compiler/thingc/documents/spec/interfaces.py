@@ -87,7 +87,7 @@ class InterfaceSpec(Model):
     side: Literal["plug", "socket"] | None = None
     """Side of the connector; default: a connector without sides."""
     counterpart: str | None = Field(default=None, min_length=1, examples=["B2B-PH-K"])
-    """Name of the connector that it meets; default: the same name."""
+    """Name of the mating connector; default: the same name."""
 
     def _check_rules(self) -> None:
         if not self.model_fields_set:

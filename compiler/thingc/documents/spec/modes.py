@@ -79,7 +79,7 @@ class HoldSpec(PoseSpec):
     """The pose in the world at which an additional mount is held, and the loads that the hold supports."""
 
     at: Literal["here"] | None = None
-    """With `here`, the mount is held at its pose in the start pose of the mode. Otherwise, use `xyz` and `rpy`."""
+    """With `here`, the mount is held where it is in the start pose of the mode. Otherwise, use `xyz` and `rpy`."""
     carries: Literal["force", "force and torque"] = "force and torque"
     """With `force`, the link can rotate about the held point. With `force and torque`, the link is clamped."""
 
@@ -114,7 +114,7 @@ class ModeSpec(Model):
     at: WorldAtSpec | None = optional({"xyz": "0 0 300 mm", "rpy": "0 0 90 deg"}, {"on": "floor"})
     """Pose of the root in the world; default: the origin."""
     at_in: dict[OwnPoseKey, PoseSpec] | None = optional({"sit": {"xyz": "0 0 100 mm"}})
-    """Poses of the root of a `free` or `held` base, by the name of a pose. For all other poses, `at` applies."""
+    """For a `free` or `held` base: the place of the root in a pose of the joints, by the name of the pose. In other poses, `at` applies."""
     gravity: StandsOn | Vector3Acceleration | None = optional("wall", "0 0 -1.62 m/s^2")
     """Gravity: the surface that supports the robot (`floor`, `wall` or `ceiling`), or a vector in the world frame; default: `floor`."""
     pose: PoseField | None = None
@@ -127,7 +127,7 @@ class ModeSpec(Model):
     hold: dict[RootField, HoldSpec | Literal["here"]] | None = optional(
         {"rear_foot.sole": "here"}, {"rear_foot.sole": {"at": "here", "carries": "force"}}, {"rear_foot.sole": {"xyz": "200 0 0 mm"}},
     )
-    """Additional mounts that are fixed to the world, each at a pose or at `here`, its pose in the start pose of the mode."""
+    """Additional mounts that are fixed to the world, each at a given place or at `here`, where the mount is in the start pose."""
     standing_on: StandingSpec | list[ShownMountField] | None = optional(
         ["leg_0.sole", "leg_2.sole", "leg_4.sole"], {"mounts": ["leg_*.sole"], "friction": 0.6},
     )

@@ -78,7 +78,7 @@ def actuator_of(instance: Instance, owner: str, drive: Drive, limit: Limit, find
         )
     effort = first(limit.effort, drive.effort)
     if drive.stall is not None and effort is not None and effort > drive.stall:
-        found = f"{Quantity(effort, of['effort'])}, but its `stall` is {Quantity(drive.stall, of['effort'])}"
+        found = f"{Quantity(effort, of['effort'])}, because its `stall` is {Quantity(drive.stall, of['effort'])}"
         place, help = (drive.spans["stall"], *instance.origin), "lower `effort`, or increase `stall`"
         findings.warn(Code.EFFORT, f"at rest, the drive of {owner} does not provide its effort of {found}", place, help=help, allow=False)
     key, reach = ("effort", effort) if drive.kind == "motor" else ("velocity", first(limit.velocity, speed))

@@ -137,7 +137,7 @@ def _say_apart(tree: Tree, at: Container[int]) -> None:
     model, alone = tree.model, next((one for k, one in enumerate(tree.occurrences) if k not in at), tree.top)
     tree.findings.error(
         Code.INCOMPLETE, f"`{alone.path or model.name}` is not connected to the base of `{model.name}`",
-        alone.origin or model.origin, path=alone.path or None, help="place every component once, on another component",
+        alone.origin or model.origin, path=alone.path or None, help="place every component except the base on one other component",
     )
 
 

@@ -124,7 +124,7 @@ def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[L
         parent, other = (link_of[end] for end in (mate.parent, mate.child))
         if mate.free and mate.loop is None and mate.joints[0].path in looping:
             findings.error(
-                Code.LOOP, f"joint `{mate.name}` is free, but in a loop, which would constrain it", mate.origin, path=mate.name,
+                Code.LOOP, f"joint `{mate.name}` is free, but part of a loop, which would constrain it", mate.origin, path=mate.name,
                 help="remove the joint with `loop: true`, or use another `type`",
             )
         if mate.loop is not None and not mate.free and other in groups[parent]:

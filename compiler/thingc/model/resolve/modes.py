@@ -347,8 +347,8 @@ def _actuators(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tup
         names = [name for name, _ in group]
         missing = [f"`{name}`" for name in names if name.path not in chosen]
         if 0 < len(missing) < len(names):
-            message = f"a mode uses only some drives of a differential, without {', '.join(missing)}"
-            help = "add the missing drives: the others cannot control all of its joints"
+            message = f"a mode uses some drives of a differential, but not {', '.join(missing)}"
+            help = "add the missing drives: the other drives cannot control all joints of the differential"
             scope.report.warn(Code.TRANSMISSION, message, scope.origin(path), help=help, allow=True)
     return chosen
 

@@ -53,7 +53,7 @@ def _attach(table: DocumentScope, node: ComponentScope) -> Attach | None:
             mine_meant = to_text.removeprefix(f"{node.name}.")
             scope.error(
                 Code.REFERENCE,
-                f"`attach` needs a mount of `{node.name}` first, then the mount that it is attached to; `{name}` is on another component",
+                f"`attach` needs a mount of `{node.name}` first, then the mount to which it is attached; `{name}` is on another component",
                 to_path, key=True, help=f"write `{{{mine_meant}: {name}}}`" if "." not in mine_meant else None,
             )
             return None
@@ -159,7 +159,7 @@ def _report_bases(table: DocumentScope, free: list[str]) -> None:
     second = table.nodes[free[1]]
     table.scope.report.add(
         Code.TWO_BASES, message, second.scope.span(second.path, key=True), path=f"components.{free[1]}",
-        help="place every component except the base with `attach`, `at` or as the child of a joint", notes=[
+        help="place every component except the base with `attach` or `at`, or make it the child of a joint", notes=[
             Note(message=f"`{name}` is not placed either", span=table.nodes[name].scope.span(table.nodes[name].path, key=True))
             for name in [free[0], *free[2:6]]
         ],

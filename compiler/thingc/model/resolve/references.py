@@ -386,7 +386,7 @@ def _report_component(
     message = f"{owner} has no component `{name}`"
     repeated = inner.spec.components.get(name)
     if name in inner.exports:
-        message = f"`{name}` is a mount that {owner} exports and has no components"
+        message = f"`{name}` is an exported mount of {owner}, and has no components"
         help = f"write `{'.'.join(parts[: depth + 1])}`" if depth else "start with a component"
         notes = [Note(message=f"`{name}` is exported here", span=inner.scope.span(("mounts", name), key=True))]
     elif repeated is not None and repeated.repeat is not None:
@@ -416,6 +416,6 @@ def _report_leaf(node: ComponentScope, scope: Scope, parts: tuple[str, ...], dep
         return
     kind = f"a {node.bare}" if node.bare is not None else "an assembly" if isinstance(node.definition, AssemblyDefinition) else "a part"
     scope.error(
-        Code.UNKNOWN_COMPONENT, f"`{node.name}` is {kind} and has no components: `{'.'.join(parts)}` has too many parts", path,
+        Code.UNKNOWN_COMPONENT, f"`{node.name}` is {kind} and has no components: `{'.'.join(parts)}` has too many names", path,
         help=f"write `{'.'.join(parts[:depth])}.mount`", key=key, notes=declaration_note(node),
     )

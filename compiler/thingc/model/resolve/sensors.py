@@ -123,7 +123,7 @@ class _Reader:
             if name in able:
                 numbers[name] = self.scope.number(raw, at, able[name], f"`{key}` of sensor `{self.name}`", above=0.0)
             else:
-                message = f"a sensor of type `{self.spec.type}` does not measure `{name}`, so it has no `{key}`"
+                message = f"`{key}` contains `{name}`, which a sensor of type `{self.spec.type}` does not measure"
                 self.scope.error(Code.BROKEN_RULE, message, at, key=True, help=did_you_mean(name, able, what="readings"))
         return {name: number for name, number in numbers.items() if number is not None}
 
@@ -188,7 +188,7 @@ class _Reader:
                 help = f"{help}; set `joint: ...`"
         elif (joint := joints[name]) is not None and joint.twist is None:
             code, help = Code.JOINT_FIELD, "use a joint that moves, or a `force` sensor at one of its mounts"
-            message = f"joint `{name}` is {joint.kind.name} and does not move: it has nothing to measure"
+            message = f"joint `{name}` is {joint.kind.name} and does not move: there is nothing to measure"
         else:
             return joint
         scope.error(code, message, place, key=unnamed, help=help)

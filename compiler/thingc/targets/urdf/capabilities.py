@@ -25,7 +25,7 @@ BALL_DRIVE = Omitted(": no joint in the file has this axis")
 CAPABILITIES: Capabilities[JointForm, None, Never, ShapeForm, Never] = {
     "joints": {
         "single": _EACH, "several": _CHAIN, "universal": _CHAIN,
-        "screw": Lossy("threaded", "approximated", ": a prismatic joint mimics the rotation, and moves freely without support for mimics"),
+        "screw": Lossy("threaded", "approximated", ": a prismatic joint mimics the rotation, and moves freely if mimics are unsupported"),
         "ball": _BALL, "free": Supported("floating", "a `floating` joint"),
     },
     "of_joints": {

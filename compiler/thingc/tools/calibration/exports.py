@@ -31,7 +31,7 @@ def lerobot(calibration: Joints, robot: Robot) -> str:
 
 def _homing_values(one: CalibratedJoint) -> dict[str, int]:
     if one.modulus is None:
-        message = f"LeRobot needs an encoder with one turn, but joint `{one.joint.name}` has a `resolution`"
+        message = f"LeRobot supports only single-turn encoders, but joint `{one.joint.name}` has a `resolution`"
         raise ExportRefused(message, "write `ticks_per_turn` for this joint, or use --emit python")
     homing, half = (one.lowest + one.highest) // 2 - (one.modulus - 1) // 2, one.modulus // 2
     return {

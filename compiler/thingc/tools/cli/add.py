@@ -62,8 +62,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--param", metavar="NAME=VALUE", action="append",
         help="for parts and assemblies: a parameter, for example 'length=80 mm' (may be repeated)",
     )
-    add("--new", action="store_true", default=None, help="for parts: create a new class even if there is one with a similar name")
-    add("--root", metavar="ROOT", help="for modes: a component or a mount (default: root of the first mode)")
+    add("--new", action="store_true", default=None, help="for parts: create a new class even if a class with a similar name exists")
+    add("--root", metavar="ROOT", help="for modes: the root, a component or a mount (default: the root of the first mode)")
     add(
         "--base", type=console.one_of(BASES), metavar="{" + ",".join(BASES) + "}",
         help="for modes: type of the base (default: the first type that no mode with the same root uses)",
@@ -73,7 +73,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="for modes: a mount on the floor; a single mount is the fixed root, unless --base is free (may be repeated)",
     )
     add("--pose", metavar="POSE", help="for modes: the start pose (default: pose of the first mode)")
-    add("--gravity", metavar="GRAVITY", help="for modes: wall, ceiling, or three accelerations (default: floor)")
+    add("--gravity", metavar="GRAVITY", help="for modes: the supporting surface (wall, ceiling), or three accelerations (default: floor)")
     add("--type", type=console.one_of(get_args(JointType)), metavar="TYPE", help="for joints: the type of the joint (default: revolute)")
     add("--parent", metavar="MOUNT", help="for joints: the parent mount")
     add("--child", metavar="MOUNT", help="for joints: the child mount; replaces the placement of its component")
@@ -143,7 +143,7 @@ def _write(
                 if console.exit_code(already):
                     return _say(arguments, already)
                 code = _say(arguments, diagnostics, texts={root.path: changed.text})
-                console.say(f"{shown_path(root.path)} was not changed; the lines above are from the new text", stream=sys.stderr)
+                console.say(f"{shown_path(root.path)} was not changed; the diagnostics above refer to the new text", stream=sys.stderr)
                 return code
             changes[root.path] = old, new
         with signals.delay_signals():

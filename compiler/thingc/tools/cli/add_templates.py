@@ -163,7 +163,7 @@ def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> Doc
     path = _nested_path(arguments.name, None if documents is None else documents.root.path)
     exists = os.path.lexists(path)
     if documents is None and exists:
-        hint = "choose another name, or add it to a document: --to robot.yaml"
+        hint = "choose another name, or add the existing assembly to a document: --to robot.yaml"
         raise console.WrongCommandLine(f"`{shown_path(path)}` exists already", hint)
     name = _identifier(without_suffix(os.path.basename(path)))
     text = new_assembly(name, ".toml" if path.lower().endswith(".toml") else ".yaml")

@@ -55,7 +55,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc batch` to the parser."""
     add = parser.add_argument
     add("document", metavar="DOC", help="a variants document (YAML or TOML)")
-    add("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
+    add("-o", "--output", metavar="DIR", help="write the folder NAME in DIR (default: the workspace's build folder)")
     add(
         "--emit", metavar="T", action="append", default=[],
         help="write only this target (may be repeated; default: the targets of the document)",

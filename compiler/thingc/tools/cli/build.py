@@ -188,7 +188,7 @@ def add_compat(parser: argparse.ArgumentParser) -> None:
 
 def add_building(parser: argparse.ArgumentParser) -> None:
     """Add the options that control the content and the location of the build folder to a parser."""
-    parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
+    parser.add_argument("-o", "--output", metavar="DIR", help="write the folder NAME in DIR (default: the workspace's build folder)")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="build only this mode (may be repeated; default: all)")
     add_emit(parser)
     add_compat(parser)

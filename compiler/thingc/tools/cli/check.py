@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc check`, and return the exit code, which is 0 if no document has errors."""
     options, source, strict = console.options_of(arguments), robot_files.import_request(arguments), arguments.strict
     if not arguments.document and arguments.touched:
-        raise console.WrongCommandLine("missing: files that have changed", "pass the output of `git diff --name-only main...`")
+        raise console.WrongCommandLine("--touched requires changed files", "pass the output of `git diff --name-only main...`")
     words = arguments.document or ["."]
     robots = (robot_files.changed_robots if arguments.touched else robot_files.select_robot_files)(words)
     documents = [word for word in words if word not in robots]

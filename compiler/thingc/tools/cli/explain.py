@@ -28,7 +28,7 @@ def run(arguments: argparse.Namespace) -> int:
     code = find(arguments.code)
     if code is None:
         close = ", ".join(f"`{one['code']}` ({one['title']})" for one in similar_codes(arguments.code))
-        help = f"near it: {close}" if close else "run `thingc explain` for a list of codes"
+        help = f"similar codes: {close}" if close else "run `thingc explain` for a list of codes"
         raise console.WrongCommandLine(f"there is no code `{arguments.code}`", help)
     if arguments.format == "json":
         console.print_data({key: value for key, value in code.items() if key != "name"})

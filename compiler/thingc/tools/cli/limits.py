@@ -43,7 +43,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--pose", metavar="P", help="pose of the other joints (default: pose of the mode)")
     parser.add_argument("--pairs", action="store_true", help="also check all pairs of these joints between their limits")
     parser.add_argument(
-        "--resolution", metavar="SIZE", action="append", default=[], help="largest error of an end of an interval, an angle or a length "
+        "--resolution", metavar="SIZE", action="append", default=[], help="largest error of the ends of intervals: an angle or a length "
         "(default: 0.25 deg and 0.1 mm; may be repeated)",
     )
     parser.add_argument("--write", action="store_true", help="write the limits to the document, and preserve comments and layout")

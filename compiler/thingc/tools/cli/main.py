@@ -44,7 +44,7 @@ COMMANDS = {
     "limits": "find the intervals of joints in which no parts touch, and write them to the document as limits",
     "motion": "replay a motion of a robot in MuJoCo, and measure how well the drives follow it",
     "sensitivity": "show how results of a robot change with its parameters: derivatives with units",
-    "print": "show size, supports, walls, mass, filament, time and cost of the printed parts, and directions with less support",
+    "print": "show size, supports, walls, mass, filament, time and cost of the printed parts, and part orientations that need less support",
     "render": "draw a picture of a robot in one of its poses",
     "hag": "print the assembly graph (text, DOT, Mermaid, SVG, GraphML or JSON)",
     "lock": "write the properties of parts to parts.lock.json, to check documents without running code",

@@ -63,7 +63,7 @@ def robot_name(place: str) -> str:
     if ending.lower() in DOCUMENT_SUFFIXES and not is_working_folder:
         near = shlex.quote(os.path.join(os.path.dirname(place), stem.removesuffix(".thingc")))
         message = f"expected a folder, found the name of a document `{word}`"
-        raise console.WrongCommandLine(message, f"write `thingc new {near}`, which creates the document in it")
+        raise console.WrongCommandLine(message, f"write `thingc new {near}`, which creates a folder with this document")
     if word.startswith("-") and not is_working_folder:
         raise console.WrongCommandLine(f"`{word}` would be parsed as an option", "choose a name that starts with a letter")
     name = re.sub(r"[-. ]+", "_", _plain(word)).strip("_")

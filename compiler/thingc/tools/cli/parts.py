@@ -36,7 +36,7 @@ WIDTH = 120
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc parts` to the parser."""
-    parser.add_argument("part", metavar="PART", nargs="*", help="list only this part, module or package: module:Class, module or package")
+    parser.add_argument("part", metavar="PART", nargs="*", help="list only this part (module:Class), module or package")
     parser.add_argument("-C", "--workspace", metavar="DIR", default=".", help="a folder of the workspace (default: the working folder)")
     console.add_no_code(parser)
     console.add_format(parser)

@@ -61,7 +61,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="show only this mode (may be repeated; default: all)")
     parser.add_argument(
         "--against", metavar="DOC",
-        help="show a second document as a transparent robot; with the same document, show its state at the start",
+        help="show a second document as a transparent robot; if it is the same document, show its state at the start of the command",
     )
     port = console.number_in(1, 65535, "a port from 1 to 65535", console.whole)
     parser.add_argument("--port", metavar="N", type=port, default=0, help="port of the server (default: a free port)")

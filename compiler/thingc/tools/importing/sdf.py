@@ -305,7 +305,7 @@ class _Sdf:
             if joint is not None and joint.ends.lower is not None and joint.ends.lower == joint.ends.upper:
                 if joint.ends.lower != 0.0:
                     message = f"`lower` and `upper` are both {joint.ends.lower:g}: this joint cannot move and cannot be at 0"
-                    self.values.fault(element, None, message, "use type `fixed`, or correct its limits")
+                    self.values.fault(element, None, message, "use the type `fixed`, or correct the limits of the joint")
                 what = f"the type of joint `{names[number]}`, whose limits are both 0"
                 self.losses.note(what, "imported as a fixed joint", element.where)
                 joint = None
@@ -376,7 +376,7 @@ class _Sdf:
         tag = "thread_pitch" if older else "screw_thread_pitch"
         pitch = self.values.number(screw, tag)
         if pitch == 0.0:
-            self.values.fault(screw, tag, f"`{tag}` of this screw is 0", "use type `revolute`, or write its travel per turn")
+            self.values.fault(screw, tag, f"`{tag}` of this screw is 0", "use the type `revolute`, or write the travel per turn")
         return -2.0 * math.pi / pitch if older and pitch else pitch or 0.0
 
     def _direction(self, axis: SourceElement, key: str, frame: NamedFrame, to_child: Pose) -> Vector:

@@ -313,7 +313,7 @@ class _Urdf:
             self.values.fault(limit, "lower", f"`lower` ({lower:g}) is above `upper` ({upper:g})", "swap the two, or correct one")
         if lower == upper:
             if kind == "prismatic" and not follows:
-                help = "use type `fixed`, or correct its limits"
+                help = "use the type `fixed`, or correct the limits of the joint"
                 self.values.fault(limit, None, f"`lower` and `upper` are both {lower:g}: this joint cannot move", help)
             elif not follows:
                 what = f"`lower` and `upper` of a joint, both {lower:g}"

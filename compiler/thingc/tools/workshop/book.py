@@ -92,7 +92,7 @@ class _Book:
             yield "</ul>"
             if step.blocked:
                 others = ", ".join(f"<code>{html_text(name)}</code>" for name in step.blocked) or "its neighbours"
-                yield f'<p class="note">No free way in along the axes of its mount: fit together with {others}.</p>'
+                yield f'<p class="note">Insertion along the axes of the mount is blocked: fit together with {others}.</p>'
             yield "</div></div>"
 
     def _name(self, piece: Piece) -> str:

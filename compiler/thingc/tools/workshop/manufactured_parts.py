@@ -61,7 +61,7 @@ def compute_parts(
             what = f"`{first.definition.label}` is a mesh without exact surfaces"
             losses.append(Loss(target, None, first.path, what, "omitted", first.origin))
     if not parts and not losses:
-        what = "the robot has no part with geometry that is not bought"
+        what = "all parts of the robot are bought or have no geometry"
         losses.append(Loss(target, None, request.assembly.name, what, "omitted", request.assembly.definition.origin))
     try:
         results = compute({brep for _, brep in parts})
