@@ -1,7 +1,7 @@
 """Implementation of `thingc limits`, which finds the intervals of joints in which no parts touch.
 
 One joint moves at a time, and all other joints stay in the pose. A rotation is searched over a full turn, a translation between its
-limits. The document's test `no_collision` with `certify: true` proves combinations of joints.
+limits. To prove combinations of joints, use a `no_collision` test with `certify: true`.
 
   thingc limits assemblies/arm.yaml                      all joints, in the start pose of the first mode
   thingc limits assemblies/arm.yaml elbow --pose folded --resolution '0.05 deg'

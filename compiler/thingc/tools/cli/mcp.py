@@ -4,8 +4,8 @@ Assistants start this command and use the Model Context Protocol (MCP) over stan
 
   pip install 'thingc[mcp]'
 
-The tools are check, info, explain, parts and render, which read, and set and add, which write documents. They use no documents outside the
-folder. Code of the workspace runs only with --trusted. Otherwise parts are read from parts.lock.json, as with `thingc check --no-code`.
+The tools check, info, explain, parts and render only read documents, and set and add also write documents. All tools use only documents in
+the folder. Code of the workspace runs only with --trusted. Otherwise parts are read from parts.lock.json, as with `thingc check --no-code`.
 """
 
 from __future__ import annotations

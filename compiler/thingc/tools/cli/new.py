@@ -7,7 +7,7 @@ An existing folder must be empty except for `.git`. Use `.` for the working fold
   thingc new rover --template legged     {legged}
   thingc new rover --template gripper    {gripper}
   thingc new robots/rover --template empty
-  thingc new .                           create it in the working folder, and name the robot after it
+  thingc new .                           create the files in the working folder, and name the robot after the folder
 """
 
 from __future__ import annotations

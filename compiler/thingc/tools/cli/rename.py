@@ -1,7 +1,7 @@
 """Implementation of `thingc rename`, which renames an element of a document and updates all references to the element.
 
-Also updates documents that use the element, tests, variants, and the Python code of parts. If a reference would change its meaning,
-nothing is written.
+Also updates tests, variants, the Python code of parts, and other documents that use the element. If a reference would then refer to another
+element, nothing is written.
 
   thingc rename assemblies/arm.yaml components.hand gripper
   thingc rename assemblies/arm.yaml joints.yaw turn --diff      show the change, write nothing

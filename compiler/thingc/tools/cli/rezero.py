@@ -1,8 +1,8 @@
 """Implementation of `thingc rezero`, which moves zeros of joints and reverses joints in a document.
 
-The coordinate of a joint changes by `q_new = q_old + ZERO`, with --flip by `q_new = ZERO - q_old`, as `thingc same OLD NEW` prints it.
-Limits, poses, start positions, mimics, tendons, springs, tests and the given calibrations follow; the geometry does not change. Comments
-and layout are preserved.
+The coordinate of a joint changes by `q_new = q_old + ZERO`, with --flip by `q_new = ZERO - q_old`. `thingc same OLD NEW` prints these
+equations. Limits, poses, start positions, mimics, tendons, springs, tests and the given calibrations are changed accordingly, and the
+geometry stays the same. Comments and layout are preserved.
 
   thingc rezero arm.yaml 'elbow=90 deg'                     q_new = q_old + 90 deg
   thingc rezero arm.yaml 'elbow=90 deg' 'slide=-5 mm' --flip elbow

@@ -1,6 +1,6 @@
 """Implementation of `thingc sensitivity`, which computes derivatives of properties of a robot with respect to its parameters.
 
-Derivatives are exact, except for parameters of modelled parts: these are estimated from five robots near this one, and the error of the
+Derivatives are exact, except for parameters of modelled parts: these are estimated from five similar robots, and the error of the
 estimate is shown after `+-`.
 
   thingc sensitivity assemblies/arm.yaml                            mass and centre of mass by all parameters
