@@ -348,7 +348,7 @@ def _explain_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]
     limit = min(gains.stiffest / 2.0, gains.inertia / dt**2 if gains.jumps else gains.stiffest) - spring_part
     remedy = f"use at most {_round_down(limit)} {unit}"
     if limit <= 0.0:
-        remedy = "with this `kv`, `{key}` can be stable only with `integrator: implicitfast`"
+        remedy = f"with this `kv`, `{key}` can be stable only with `integrator: implicitfast`"
     needed = dt**2 * gains.stiffness / 2.0 - gains.stiffest * dt**2 / 4.0
     if gains.jumps:
         needed = max(needed, dt**2 * gains.stiffness - gains.inertia)
