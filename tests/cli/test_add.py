@@ -226,7 +226,7 @@ def test_existing_assembly_is_placed_and_unchanged(document: Path, capsys: pytes
         in capsys.readouterr().out
     )
     assert main(["add", "assembly", "legs/leg.yaml"]) == 2
-    assert "`legs/leg.yaml` exists already\n  help: choose another name, or add it to a document" in capsys.readouterr().out
+    assert "choose another name, or add the existing assembly to a document" in capsys.readouterr().out
 
 
 @pytest.mark.slow
@@ -320,7 +320,7 @@ def test_part_without_a_document(document: Path, capsys: pytest.CaptureFixture[s
     ("joint x --to D --parent base.top --child arm.seet", "error[TC303]"),
     ("joint x --to D --parent arm.end --child base.origin", "error[TC321]"),
     ("mode x --to D --root nothing", "error[TC302]"),
-    ("mode y --to D --root nothing", " was not changed; the lines above are from the new"),
+    ("mode y --to D --root nothing", " was not changed; the diagnostics above refer to the new"),
     ("mode x --to D --standing-on arm.seat --root base",
      "`arm.seat` in --standing-on is also the root of the mode, so --root must be omitted"),
     ("mode x --to D --standing-on arm.sole", "error[TC303]"),

@@ -235,7 +235,7 @@ def test_parts_below_the_lid_are_attached_to_it_first(page: Page) -> None:
 def test_blocked_pieces_name_the_parts_in_their_way(page: Page) -> None:
     steps = {text[0].partition(" (")[0]: text[1:] for number, text in page.steps.items() if number.startswith("3.")}
     assert steps["1 × Ball"] == ["ball.heart on cage.middle", "Insertion along the axes of the mount is blocked: fit together with cage."]
-    notes = [text for number, text in page.steps.items() if any("No free way" in line for line in text)]
+    notes = [text for number, text in page.steps.items() if any("is blocked" in line for line in text)]
     assert len(notes) == 1
 
 
