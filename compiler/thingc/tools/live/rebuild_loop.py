@@ -53,7 +53,7 @@ class Rebuild(FrozenStruct):
         built: The result of the build, if any.
         changed: The paths of the outputs that were added, changed or removed since the last round without errors.
         recovered: Whether this round is without errors, but the previous round had errors.
-        kept: Whether the build folder still contains the output of an earlier round, because this round has errors.
+        kept: Whether this round has errors, and the output of an earlier round remains, in the build folder or in the viewer.
         modelled: The labels of the parts that were built, also in interrupted attempts, keyed by definition text.
         kernel: The time [s] in `seconds` during which parts were built.
     """
@@ -102,7 +102,7 @@ class RebuildLoop:
         self._geometry: GeometryService | None = None
         self._last_geometry: GeometryService | None = None
         self._watched = FileWatcher(self.document)
-        self._last: Mapping[str, str] = {}
+        self._last: Mapping[str, str] | None = None  # a viewer writes no files
         self._documents: frozenset[str] = frozenset()
         self._number = 0
         self._failed = False
@@ -196,16 +196,17 @@ class RebuildLoop:
         self._modelled |= _built_parts(built)
         if more:
             return Rebuild(number=self._number, saved=saved, seconds=0.0, diagnostics=()), more
-        now = _digests(built.files) if good and built is not None and built.files is not None else self._last
-        previous = self._last or now
+        now = _digests(built.files) if good and built is not None and built.files is not None else self._last or {}
+        previous = now if self._last is None else self._last
         changed = tuple(sorted(path for path in {*previous, *now} if previous.get(path) != now.get(path)))
         self._number += 1
         rebuild = Rebuild(
             number=self._number, saved=saved, seconds=time.perf_counter() - started, diagnostics=tuple(diagnostics), good=good, built=built,
-            folder=folder, changed=changed, recovered=self._failed and good, kept=not good and bool(self._last),
+            folder=folder, changed=changed, recovered=self._failed and good, kept=not good and self._last is not None,
             modelled=self._modelled, kernel=self._workers.busy(begun),
         )
-        self._failed, self._last = not good, now
+        self._failed = not good
+        self._last = now if good else self._last
         return rebuild, ()
 
     def _build(self, wish: BuildRequest) -> BuildResult:
