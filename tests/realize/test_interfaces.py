@@ -102,7 +102,7 @@ def test_lock_file_contains_features(place: Place) -> None:
     ("Bolts('M3', 4, 2)", "holes of 3 mm overlap: their distance is 1.41421 mm"),
     ("Bolts('M2', at=((1, 1), (2, 1)))", "holes of 2 mm overlap: their distance is 1 mm"),
     ("Bolts('M10', hole=7.49)", "a hole of 7.49 mm is too small for the thread M10"),
-    ("Bore(6, (6, 8))", "the first `clearance` must be smaller than the `diameter`, and"),
+    ("Bore(6, (6, 8))", "the first value of `clearance` must be smaller than the `diameter`, and"),
     ("Bolts('M3', 0, 5)", "Expected `int` >= 1"),
     ("Bore(-1)", "Expected `float` > 0.0 - at `$[0].diameter`"),
     ("Connector('USB-C', 'male')", "Invalid enum value 'male'"),

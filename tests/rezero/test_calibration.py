@@ -192,7 +192,7 @@ def test_too_small_encoder(here: Path, capsys: pytest.CaptureFixture[str]) -> No
 def test_format_limitations(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = GOOD + "  slide: {id: 9, offset: 500, resolution: 0.01 mm}\n"
     (here / "left.calibration.yaml").write_text(text)
-    for form, words in (("lerobot", "needs an encoder with one turn"), ("lerobot_motors", "needs the model of the motor of joint `slide`")):
+    for form, words in (("lerobot", "only single-turn encoders"), ("lerobot_motors", "needs the model of the motor of joint `slide`")):
         assert main(["calibration", "arm.yaml", "left.calibration.yaml", "--emit", form]) == 2
         assert words in capsys.readouterr().err
 
