@@ -156,12 +156,12 @@ def table(heads: list[str], rows: list[list[object]]) -> list[str]:
 
 
 MEASURED = """
-This study generates {count} designs of the robot MInchW at random. thingc must either build a consistent robot from each design, or
-refuse the design for the right reason. Every design has random values of `leg_length`, `body_length` and `wall`. In half of the
-designs, each leg has its own length. Values cover the ranges in the documents, including both ends; one value in twenty is
-outside its range, by up to a tenth of the range. In addition, up to {edits} edits are made to the documents. These edits change
-dimensions of the legs, materials, print settings, masses and inertias, limits of the knees, the position of the rear foot,
-collision shapes, simulation settings and magnets. Some edits intentionally break a rule.
+This study generates {count} designs of the robot MInchW at random. thingc must either build a consistent robot from each design, or refuse
+the design for the right reason. Every design has random values of `leg_length`, `body_length` and `wall`. In half of the designs, each leg
+has its own length. The values cover the ranges in the documents, including both ends. One value in twenty is outside its range, by up to a
+tenth of the range. In addition, up to {edits} edits are made to the documents. These edits change dimensions of the legs, materials, print
+settings, masses and inertias, limits of the knees, the position of the rear foot, collision shapes, simulation settings and magnets. Some
+edits intentionally break a rule.
 
 Each design is compiled by `thingc.compile` in one long-running process. If the design builds, MuJoCo loads the models of all
 modes, and the study compares the modes at random joint angles and random poses of the bases. The relative poses of all parts and
@@ -170,10 +170,10 @@ excluded pairs must be identical. The study also computes the mass matrix and gr
 every other mode, with the same link fixed (`tests/conformance/roots.py`). The results must be equal within 1e-9. Each part must
 be built only once.
 
-If a design breaks a rule, thingc must report the code of this rule and the value that breaks it. A design whose values are all
-within their ranges must not be refused because of a range. If a part rejects its parameters, the error message must come from the
-code of the part. Every error must have a location. An exception, a part that crashes or is not a valid solid, a model that MuJoCo
-rejects, and `TC899` count as faults of thingc.
+If a design breaks a rule, thingc must report the code of this rule and the value that breaks it. If all values of a design are within their
+ranges, thingc must not report a value out of range. If a part rejects its parameters, the error message must come from the code of the
+part. Every error must have a location. The following outcomes count as faults of thingc: an unhandled exception, the internal error
+`TC899`, a part that crashes or is not a valid solid, and a model that MuJoCo rejects.
 """
 
 

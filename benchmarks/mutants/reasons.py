@@ -14,7 +14,7 @@ PASSIVE = "Robots can have passive joints, which are joints without a drive."
 MOUNT = "A component can be attached to any mount of a part, and all components are still connected."
 ZERO = "The author chooses the zero position of a joint, and the poses stay within the limits."
 FLOOR = "The mode specifies neither `at` nor feet, so nothing shows where the floor is."
-HELD = "The base is held, so the robot need not be above the floor."
+HELD = "The base is held, so the robot does not have to be above the floor."
 
 REASONS: dict[str, str] = {
     # --- intended values: the arm
@@ -35,10 +35,10 @@ REASONS: dict[str, str] = {
     # --- MInchW
     "minchw poses/step_front/rear.knee: -56 deg": POSE,
     "minchw poses/step_rear/front.ankle: -45 deg":
-        "The pose is within the limits, and no mode starts in it. A test of the document checks it for collisions.",
+        "The pose is within the limits, and no mode starts in this pose. A test of the document checks the pose for collisions.",
     "minchw components/harness/at/xyz: -40 0 -20 mm": FRAME,
     "minchw modes/crawl_ceiling/gravity: 0 0 -9.81 m/s^2":
-        "The gravity is valid. Only the name of the mode, `ceiling`, shows that it was not intended.",
+        "The gravity is valid. Only the name of the mode, `ceiling`, suggests that another gravity was intended.",
     "minchw modes/crawl/root: cover": FLOOR,
     "leg joints/yaw/type: continuous": RANGE,
     "-minchw modes/crawl/pose": FLOOR,
@@ -48,7 +48,7 @@ REASONS: dict[str, str] = {
     "minchw components/magnet_driver/at: {in: body.origin, xyz: 20 0 4 mm}": FRAME,
     # --- the walker
     "walker poses/low/hip_*: -10 deg": POSE,
-    "leg joints/knee/limit/lower: -10 deg": "The knee bends in the other direction, and so does the pose.",
+    "leg joints/knee/limit/lower: -10 deg": "The limits and the pose both bend the knee in the other direction.",
     "walker components/board/at/xyz: 0 0 -24 mm": FRAME,
     "leg joints/knee/parent: thigh.tail": MOUNT,
     "leg mounts/sole: shin.tail": "A document can export any mount of a part.",
@@ -80,7 +80,7 @@ REASONS: dict[str, str] = {
     "walker modes/walking/contacts/adhesion/leg_0.sole: 0.3 N": "The force is more than a tenth of the weight of the robot.",
     "leg parameters/length: {value: 80 cm, min: 40 mm}": "A leg can have this length, and the document does not set an upper bound.",
     "leg joints/knee/drive: {kind: position, kp: 10 N*m/rad, effort: 2000 N*m, velocity: 50 rpm}":
-        "No limit was found that avoids false alarms: the effort of fingers and geared joints can be thousands of times their load.",
+        "No limit avoids false alarms: the effort of fingers and geared joints can be thousands of times their load.",
     "leg joints/knee/drive: {kind: position, kp: 10 N*m/rad, effort: 2 N*m, velocity: 50 rad/s}": "Some motors reach this speed.",
     "walker components/board/at/xyz: 24 0 0 mm": FRAME,
 }

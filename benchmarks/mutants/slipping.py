@@ -289,7 +289,8 @@ def written(found: Sequence[Verdict], earlier: Sequence[Verdict]) -> str:
     lines += [*(f"| {code} | {times} |" for code, times in codes.most_common()), ""]
     lines += ["## Mistakes that are not reported", "", "| robot | mistake | reason |", "|---|---|---|"]
     for number in _silent(found):
-        by_tests = f" The tests of the document find it: {_cell(found[number].said[:100])}" if found[number].outcome == "tests" else ""
+        message = _cell(found[number].said[:100])
+        by_tests = f" The tests of the document find the mistake: {message}" if found[number].outcome == "tests" else ""
         edits = "; ".join(slips[number].edits)
         lines.append(f"| {slips[number].robot} | {_cell(edits[:150])} | {REASONS.get(slips[number].edits[0], '')}{by_tests} |")
     return "\n".join([*lines, ""])

@@ -64,7 +64,7 @@ def written(robots: dict[str, list[Result]], steps: int) -> str:
         *reading(every), "",
         "## Missing features", "",
         "Some settings remove a feature: a servo without an idler does not have idler holes, and a tray for two cells does not have a "
-        "third bay. If a removed feature is looked up, the lookup must fail.", "",
+        "third bay. The lookup of a removed feature must fail.", "",
         *gone_table(every), "",
     ]
     return "\n".join(lines)
@@ -166,23 +166,24 @@ MEASURED = """
 Part code names features such as mounts and screw holes. A name must identify the same feature for all parameter values of the part. This
 study compares such names with build123d selectors of faces and edges, for all parts of the arm and of MInchW, including bought parts. The
 study varies one parameter at a time over its range, in {steps} steps including both ends, with the other parameters at their defaults. For
-a parameter that is a count, a choice or a flag, the study uses every value. A *member* of a part is the part with valid parameter values.
-Settings that the part rejects with an error message are counted as refused.
+a parameter that is a count, a choice or a flag, the study uses every value. A *member* of a part is the solid for one set of valid
+parameter values. Settings that the part rejects with an error message are counted as refused.
 
 **Names.** A table lists every mount of every part, and the screw holes for other parts. The table contains the kind of each feature, and
 its position as a formula of the parameters. The table was written by hand from the drawings (`benchmarks/naming/intents_*.py`). A name
 counts as right if its frame has the position and direction in the table within 1e-6 mm, and the finished solid has the feature at this
-position. For a mount, the feature is a planar face that contains the origin of the frame and has its normal. For a hole, the feature is a
-cylindrical face around the same axis with the standard diameter and with material outside. The study searches for features in the faces of
-the finished solid, not in the code of the part. The study does not find a mistake that is in both the part and the table. The study checks
-only mounts and screw holes, not sketches, numbers or whole solids.
+position. For a mount, the feature is a planar face that contains the origin of the frame and is normal to the z axis of the frame. For a
+hole, the feature is a cylindrical face around the same axis with the standard diameter and with material outside. The study searches for
+features in the faces of the finished solid, not in the code of the part. The study cannot detect a mistake that is in both the part and the
+table. The study checks only mounts and screw holes, not sketches, numbers or whole solids.
 
-**Plain selectors.** For the default parameters, the study constructs a selector of the feature that a name identifies. For the name of a
-screw seat, the selector selects the screw hole. Then the study applies the same selector to the other members of the part. The study uses
-the best axis for each selector: the axis X, Y or Z (or the pair of axes, for selectors with two steps) along which the feature differs most
-from its neighbours. The index of a selector counts from the end that is nearer to the feature. `T` is the geometry type of the surface. A
-selector returns the `same` feature, silently returns `another` feature, or `fails` with an `IndexError`. Plain selectors work if a change
-only moves faces, without creating, splitting or swapping faces. Therefore, the results differ between parts.
+**Plain selectors.** For each name, the study constructs a selector that selects the named feature in the part with default parameters. For
+the name of a screw seat, the selector selects the screw hole. Then the study applies the same selector to the other members of the part.
+The study uses the best axis for each selector: the axis X, Y or Z (or the pair of axes, for selectors with two steps) along which the
+feature differs most from its neighbours. The index of a selector counts from the end that is nearer to the feature. `T` is the geometry
+type of the surface. A selector returns the `same` feature, silently returns `another` feature, or `fails` with an `IndexError`. Plain
+selectors work if a change only moves faces, but can fail if a change creates, splits or swaps faces. Therefore, the results differ between
+parts.
 """
 SHARES = "The columns show how often each outcome occurs, in percent: same / another / fails."
 
