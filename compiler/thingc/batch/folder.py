@@ -132,7 +132,7 @@ def _find_edited(folder: str) -> list[str]:
 
 
 def prepare_folder(folder: str, document: str, assembly: str) -> None:
-    """Prepare the folder for a new batch of `document`.
+    """Prepare the folder for a new batch. `document` describes its variants.
 
     If the folder contains a finished batch of this document, the files of this batch are moved aside. The context manager
     `clear_in_background` later deletes the files that were moved aside. Raises `BatchFault` if the folder contains any other files.

@@ -37,7 +37,7 @@ Key = tuple[tuple[str, ...], tuple[tuple[str, str], ...], Hashable]
 
 
 class Refusals(PlanMaker["DiagnosticsTemplate", Diagnostics]):
-    """Computes the diagnostics of refused settings with plans.
+    """Uses plans to compute the diagnostics of settings that were refused.
 
     Each cause of a refusal has separate plans. The cause consists of the codes, locations and paths of the diagnostics. `verify` has the
     same meaning as in the class `PlanMaker`. `parts` is the number of part definitions for the most recent refused settings.

@@ -72,7 +72,7 @@ MOST_FOLDERS, MOST_FILES = 200, 2000
 
 
 def documents_near(folder: str, workspace: Workspace | None) -> list[str]:
-    """Return the absolute paths of all documents below a folder, or below the folder of its `workspace` if given.
+    """Return the absolute paths of all documents below a folder. If `workspace` is given, search the folder of the workspace instead.
 
     Documents of nested workspaces are included. The numbers of folders and files are limited (`MOST_FOLDERS`, `MOST_FILES`), because the
     folder can be a large home folder.

@@ -41,7 +41,7 @@ def _homing_values(one: CalibratedJoint) -> dict[str, int]:
 
 
 def lerobot_motors(calibration: Joints, robot: Robot) -> str:
-    """Return the motor mapping of LeRobot as JSON: the arguments of `Motor` by name of the motor."""
+    """Return the motor mapping of LeRobot as JSON: the arguments of `Motor`, keyed by motor name."""
     nameless = next((one for one in calibration if one.model is None), None)
     if nameless is not None:
         raise ExportRefused(f"LeRobot needs the model of the motor of joint `{nameless.joint.name}`", "for example, write `model: sts3215`")

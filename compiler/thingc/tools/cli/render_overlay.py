@@ -19,7 +19,7 @@ ROOT_SIZE = 1.6
 
 
 def mounts(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
-    """Yield the frames of mounts that attach a component, of exported mounts, and of mounts that the document adds.
+    """Yield the frames of three kinds of mounts: mounts that attach a component, exported mounts, and mounts that the document adds.
 
     Frames at equal poses are omitted.
     """

@@ -43,7 +43,7 @@ def configure(parser: argparse.ArgumentParser, *, meshes: bool = True) -> None:
         return
     add(
         "--mesh-root", metavar="DIR", action="append", default=[],
-        help="additional folder in which to look for meshes, by the end of their paths (may be repeated)",
+        help="additional folder in which to look for meshes whose paths have the same end (may be repeated)",
     )
     add("--no-meshes", action="store_true", help="omit meshes, and list them as losses")
 

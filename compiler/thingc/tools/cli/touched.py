@@ -29,7 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-0", "--null", action="store_true", help="print unescaped paths, each terminated by a NUL, for scripts")
     parser.add_argument("--roots", action="store_true", help="list only assemblies that have modes or are not nested in others")
     parser.add_argument(
-        "--robot-files", action="store_true", help="list changed robot files of other formats (.urdf, .xacro, .sdf, .xml), not documents",
+        "--robot-files", action="store_true", help="list changed robot files (.urdf, .xacro, .sdf, .xml) instead of documents",
     )
     parser.add_argument("--store", metavar="DIR", help="cache of built parts (default: THINGC_STORE, else the user's cache folder)")
     console.add_format(parser)

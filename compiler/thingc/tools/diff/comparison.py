@@ -44,7 +44,7 @@ class _Consequences:
         self._moved: dict[str, tuple[str, ...]] = {}
 
     def all(self) -> None:
-        """Add all consequences of changes in the documents. If one consequence causes another consequence, the cause is added first."""
+        """Find everything that the changes in the documents affect. A cause comes before its effects."""
         for old, new in self.occurrences:
             self._geometry(old, new)
             self._mounts(old, new)

@@ -126,7 +126,7 @@ class CachedParts:
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
         wanted: Mapping[str, Collection[Slicing]],
     ) -> dict[str, PartRecord | PartFailure]:
-        """Add the results of the slicings `wanted` to the part `records`, and return the records, keyed by the text of the part definition.
+        """Return the part `records` with the results of the requested slicings, keyed by definition text.
         """
         answers = _answers(self.service.slice(definitions, records, wanted), self.failed)
         for one in definitions:

@@ -163,7 +163,7 @@ class _Planner:
         return pieces
 
     def steps(self, pieces: Sequence[Piece], chapter: str, path: str, groups: list[Section]) -> list[AssemblyStep]:
-        """Return the steps in which pieces are assembled. Add sections to `groups` for pieces that are assembled first.
+        """Return the steps in which pieces are assembled. For pieces that must be assembled first, add sections to `groups`.
 
         Pieces without a solid, such as circuit boards with only a mass, are added as soon as their parents are there.
         """

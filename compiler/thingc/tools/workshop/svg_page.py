@@ -26,7 +26,7 @@ class Placement:
         self.scale, self.origin = scale, origin
 
     def point(self, point: Point) -> Point:
-        """Return the place of a point of the view [m] on the page [mm]."""
+        """Convert a point of the view [m] to a point of the page [mm]."""
         return self.origin[0] + self.scale * point[0], self.origin[1] - self.scale * point[1]
 
     def path(self, curves: Iterable[Curve]) -> str:
