@@ -311,7 +311,7 @@ def test_nearby_kink_or_jump_is_an_error(special: thingc.RobotFamily, monkeypatc
     for changed in (kinked, jumping):
         with monkeypatch.context() as patch:
             patch.setattr(FamilyFunction, "value", changed)
-            with pytest.raises(NotDifferentiable, match="by `twist` at twist = 0 rad: a result or a derivative jumps there"):
+            with pytest.raises(NotDifferentiable, match="with respect to `twist` at twist = 0 rad: a result or a derivative jumps there"):
                 function.jacobian([0.0])
 
 
