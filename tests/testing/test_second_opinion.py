@@ -9,7 +9,6 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-import coal
 import numpy as np
 import pytest
 
@@ -21,6 +20,8 @@ from thingc.driver.testing.collisions import Collisions, collisions_of
 from thingc.geometry.store.meshes import arrays
 from thingc.model.robot.kinematics import occurrence_poses
 from thingc.model.robot.types import Robot
+
+coal = pytest.importorskip("coal", reason="there is no package of coal for Windows")
 
 SEE = 0.02
 """Distance [m] up to which gaps are compared."""
