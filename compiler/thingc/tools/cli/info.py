@@ -170,8 +170,8 @@ def _cut_loops(robot: Robot) -> dict[str, dict[str, str]]:
     loops: dict[str, dict[str, str]] = {}
     for parent, child, cut in graph.edges:
         if cut in cuts:
-            cycle = networkx.shortest_path(tree, parent, child)
-            through = [key for pair in zip(cycle, cycle[1:]) for key in tree[pair[0]][pair[1]]]
+            path = networkx.shortest_path(tree, parent, child)
+            through = [key for pair in zip(path, path[1:]) for key in tree[pair[0]][pair[1]]]
             loops[cut] = {one: worth[one].reason_over(worth[cut]) if cut in worth else "" for one in through}
     return loops
 

@@ -2,8 +2,8 @@
 
 Overhangs are surfaces that are flatter than 45 degrees; the support is the space below them. The command also tries the directions in which
 the part rests on a large face, and shows the direction with the least support, if it needs less than the present direction. To use
-this direction, write `print: {up: auto}`. Mass, filament, time and cost are those of one piece, without support. `thingc build DOC --emit
-3mf` writes the print plates.
+this direction, write `print: {up: auto}`. Mass, filament, time and cost are those of one piece, without support. To write the print plates,
+use `thingc build DOC --emit 3mf`.
 
   thingc print assemblies/arm.yaml
 """

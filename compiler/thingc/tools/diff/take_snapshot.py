@@ -146,7 +146,8 @@ class _Reader:
         placement = component.placement
         if placement is None:
             return
-        to, values = _occurrence(definition, prefix, placement.to), dict[str, Value]()
+        to = _occurrence(definition, prefix, placement.to)
+        values: dict[str, Value]
         if isinstance(placement, Attach):
             section, mount = "attach", _occurrence(definition, prefix, placement.mount)
             values = {"mount": mount, "to": to, "turn": placement.turn, "gap": placement.gap}

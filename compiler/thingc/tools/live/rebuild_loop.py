@@ -102,7 +102,7 @@ class RebuildLoop:
         self._geometry: GeometryService | None = None
         self._last_geometry: GeometryService | None = None
         self._watched = FileWatcher(self.document)
-        self._last: Mapping[str, str] | None = None  # a viewer writes no files
+        self._last: Mapping[str, str] | None = None  # None until a round is without errors; empty in a viewer, which writes no files
         self._documents: frozenset[str] = frozenset()
         self._number = 0
         self._failed = False

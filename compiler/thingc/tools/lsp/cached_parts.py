@@ -126,8 +126,7 @@ class CachedParts:
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
         wanted: Mapping[str, Collection[Slicing]],
     ) -> dict[str, PartRecord | PartFailure]:
-        """Return the part `records` with the results of the requested slicings, keyed by definition text.
-        """
+        """Return the part `records` with the results of the requested slicings, keyed by definition text."""
         answers = _answers(self.service.slice(definitions, records, wanted), self.failed)
         for one in definitions:
             record = records.get(one.text)

@@ -147,11 +147,11 @@ def workspace_symbols(analysis: Analysis, text: str, place: TextPlace, params: A
     """Return the names in a workspace that match a query. A name matches if it contains the letters of the query in the same order."""
     names, query = _names(analysis), params.get("query", "").lower()
     symbols: list[dict[str, Any]] = []
-    for place_of in names.workspace_index.index.places if names is not None else ():
-        name = place_of.name
-        if place_of.role == "declared" and _has_letters(name.text.lower(), query) and names is not None and len(symbols) < MAX_SYMBOLS:
+    for one in names.workspace_index.index.places if names is not None else ():
+        name = one.name
+        if one.role == "declared" and _has_letters(name.text.lower(), query) and names is not None and len(symbols) < MAX_SYMBOLS:
             symbol = {"name": name.text, "kind": _KINDS[name.kind], "containerName": name.owner or os.path.basename(name.file)}
-            symbols += [{**symbol, "location": location} for location in names.locations([place_of.span])]
+            symbols += [{**symbol, "location": location} for location in names.locations([one.span])]
     return symbols
 
 

@@ -183,7 +183,7 @@ class Schemas:
         Also read the symbols of changed documents.
         """
         settings_file = os.path.join(self.workspace.root, OWN_FILE)
-        paths = documents_in(self.workspace.root, self.workspace) + [settings_file] * os.path.exists(settings_file)
+        paths = documents_in(self.workspace.root, self.workspace) + ([settings_file] if os.path.exists(settings_file) else [])
         before, self._seen = self._seen, {path: stat_of(path) for path in paths}
         names = {path: self.workspace.relative(path) for path in self._seen}
         for old_name in set(self._symbols) - set(names.values()):

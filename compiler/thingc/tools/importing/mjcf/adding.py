@@ -89,7 +89,7 @@ class Added:
         if kind in (AT_JOINT, AT_PARENT) and int(self.model.jnt_type[ends[0]]) > 1:
             return [("joint", self._target("joint", ends[0]))]
         keys = {AT_SITE: ("site", "refsite"), AT_CRANK: ("cranksite", "slidersite")}.get(kind, ())
-        return [(key, self._target("site", site)) for key, site in zip(keys, ends, strict=False) if site >= 0]
+        return [(key, self._target("site", site)) for key, site in zip(keys, ends, strict=True) if site >= 0] if keys else []
 
     def equality(self, number: int) -> bool:
         """Add an equality constraint between tendons to the MuJoCo model. Return whether the equality was added.

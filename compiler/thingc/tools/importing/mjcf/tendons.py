@@ -91,7 +91,7 @@ class Tendons:
         joints = [(wrap, int(model.wrap_objid[wrap])) for wrap in wraps if int(model.wrap_type[wrap]) == JOINT]
         for wrap, joint in joints:
             moves[original.joints[joint]] = moves.get(original.joints[joint], 0.0) + float(model.wrap_prm[wrap])
-        turns = bool(moves) and all(int(model.jnt_type[joint]) == HINGE for _, joint in joints)
+        turns = all(int(model.jnt_type[joint]) == HINGE for _, joint in joints)
         lower, upper = original.bounds("tendon_", number) or (0.0, 0.0)
         if not moves:
             lower = max(lower, 0.0)  # the length of a path cannot be negative
