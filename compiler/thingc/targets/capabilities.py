@@ -361,9 +361,9 @@ class _LossFinder:
                 if isinstance(piece.solid, Primitive):
                     cell, what = self.capabilities["shapes"][piece.solid.shape], f"the visual {piece.solid.shape}"
                     yield from self(cell, None, occurrence.path, what, occurrence.origin)
-            hull: ShapeCell = "mesh" if occurrence.overrides.collision == "mesh" else "hull"
+            of_mesh: ShapeCell = "mesh" if occurrence.overrides.collision == "mesh" else "hull"
             for piece in occurrence.touching:
-                shape = piece.solid.shape if isinstance(piece.solid, Primitive) else hull
+                shape = piece.solid.shape if isinstance(piece.solid, Primitive) else of_mesh
                 what = "the convex collision mesh" if shape == "hull" else f"the collision {shape}"
                 yield from self(self.capabilities["shapes"][shape], None, occurrence.path, what, occurrence.origin)
 

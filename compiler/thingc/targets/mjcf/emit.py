@@ -86,8 +86,8 @@ def models(request: EmitRequest) -> Models:
         verify.check(remaining, geometry, request.store, report, request.memo, starts=starts)
         if not report.diagnostics:
             verify.record_accepted(selected, request.verify, request.memo)
-    models = request.made["mjcf"] = Models(candidates=tuple(candidates), assets=geometry.assets, losses=tuple(all_losses))
-    return models
+    mjcf_models = request.made["mjcf"] = Models(candidates=tuple(candidates), assets=geometry.assets, losses=tuple(all_losses))
+    return mjcf_models
 
 
 def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str], dict[str, StoredArtifact]]:

@@ -127,9 +127,9 @@ def controls(robot: Robot, q: Mapping[str, float]) -> Iterator[float]:
 
 def losses(robot: Robot) -> Iterator[Loss]:
     """Yield an export loss for each tendon that a mode omits, and for each armature of a tendon that MuJoCo simulates only partly."""
-    joint_paths = present(robot)
+    written = present(robot)
     for tendon in robot.assembly.tendons:
-        if tendon not in joint_paths:
+        if tendon not in written:
             between = "MuJoCo does not support sites between two joints of a body"
             what = f"this tendon: {between if tendon.steps else 'a loop is cut at a joint of the tendon'}"
             yield Loss("mjcf", robot.mode.name, tendon.path, what, "omitted", tendon.origin)

@@ -304,11 +304,11 @@ def collect_warnings() -> Iterator[list[str]]:
     """
     import mujoco
 
-    collect_warnings: list[str] = []
+    warnings: list[str] = []
     original = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(collect_warnings.append)
+    mujoco.set_mju_user_warning(warnings.append)
     try:
-        yield collect_warnings
+        yield warnings
     finally:
         mujoco.set_mju_user_warning(original)
 
