@@ -345,9 +345,9 @@ class _Printer:
         formatted = self.inline.value(piece, shape, by)
         if piece.kind == "scalar" and self.text[piece.body] in "|>":
             original = self.text[piece.start : piece.end].split("\n")
-            indents = [len(line) - len(line.lstrip(" ")) for line in original[1:] if line.strip(" ")]
+            least = min((len(line) - len(line.lstrip(" ")) for line in original[1:] if line.strip(" ")), default=0)
             first, *rest = formatted.split("\n")
-            empty = [not line.strip(" ") and len(line) <= min(indents, default=0) for line in original[1:]]
+            empty = [not line.strip(" ") and len(line) <= least for line in original[1:]]
             return "\n".join([first.rstrip(), *("" if is_empty else line for line, is_empty in zip(rest, empty, strict=True))])
         return formatted
 

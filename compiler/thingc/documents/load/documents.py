@@ -386,9 +386,9 @@ def _references(document: Document) -> Iterator[tuple[str, str, Span]]:
         with_shapes = [owner for component in components for owner in (component, entries_of(component.get("collision")))]
         shapes = [entries_of(shape) for owner in with_shapes for shape in _items(owner.get("shapes"))]
         references = [
-            *(("materials", path) for path in _items(entries.get("materials"))), *(("file", part.get("file")) for part in components),
-            *(("mesh", shape.get("mesh")) for shape in shapes), *(("assembly", nested.get("assembly")) for nested in components),
-            ("catalog", entries.get("catalog")),
+            *(("materials", path) for path in _items(entries.get("materials"))),
+            *(("file", component.get("file")) for component in components), *(("mesh", shape.get("mesh")) for shape in shapes),
+            *(("assembly", component.get("assembly")) for component in components), ("catalog", entries.get("catalog")),
             *(("motion", entries_of(motion).get("file")) for motion in entries_of(entries.get("motions")).values()),
             *(("picture", entries_of(component.get("bom")).get("picture")) for component in components),
         ]
