@@ -226,7 +226,10 @@ def test_existing_assembly_is_placed_and_unchanged(document: Path, capsys: pytes
         in capsys.readouterr().out
     )
     assert main(["add", "assembly", "legs/leg.yaml"]) == 2
-    assert "choose another name, or add the existing assembly to a document" in capsys.readouterr().out
+    assert (
+        "`legs/leg.yaml` exists already\n  help: choose another name, or add the existing assembly to a document: --to robot.yaml"
+        in capsys.readouterr().out
+    )
 
 
 @pytest.mark.slow

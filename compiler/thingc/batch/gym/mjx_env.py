@@ -94,7 +94,7 @@ class MjxStep(NamedTuple):
 
 
 class MjxEnv:
-    """An environment in MJX that simulates robots of a family. The robots differ in the values that `names` lists.
+    """An environment in MJX that simulates robots of a family. The robots differ in the values of the numbers that `names` lists.
 
     The methods `reset` and `step` are pure functions for a single robot, which can be used with `jit`, `vmap` and `grad`. The method
     `batch` returns the models of many robots.

@@ -12,6 +12,7 @@ import numpy as np
 if TYPE_CHECKING:
     import mujoco
 
+
 class NotAnArrayEntry(Exception):
     """Raised if MuJoCo's compiler changes a number, so that none of the model's arrays contains this number unchanged.
 

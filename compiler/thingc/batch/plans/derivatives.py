@@ -358,7 +358,8 @@ def _by_arrays(program: Program, steps: Sequence[Step], varying: Sequence[int], 
         branches = [zero, *inner]
         if at_kink and step.operation in EXTREMES:
             result = values[f"v{step.target}"]
-            branches = [one for one, argument in zip(inner, map(operand, step.arguments)) if eval(argument, functions, values) == result]
+            numbers = [eval(operand(argument), functions, values) for argument in step.arguments]
+            branches = [one for one, number in zip(inner, numbers, strict=True) if number == result]
         if not at_kink:
             terms = [eval(step.code(step.rule.partial(place)), functions, values) * inner[place] for place in step.varying]
             known[step.target] = np.sum(terms, axis=0)
