@@ -28,7 +28,7 @@ def listen(events: tuple[str, ...], handler: Handler) -> None:
 
 
 def _hook(event: str, arguments: tuple[Any, ...]) -> None:
-    for handler in _handlers.get(event, ()):
+    for handler in tuple(_handlers.get(event, ())):  # a handler or another thread may call `listen`
         handler(event, arguments)
 
 

@@ -39,7 +39,8 @@ def _schema(session: PartSession, reference: str, *, placed: bool) -> PartSchema
     kind = kind_of(part, reference)
     parameters = tuple(_parameter(parameter) for parameter in parameters_of(part))
     if (fault := lacking_result(part)) is not None:
-        raise NoPart("resultless", f"`{reference}` {fault[0]}", place=fault[1])
+        message, place = fault
+        raise NoPart("resultless", f"`{reference}` {message}", place=place)
     file, line = ("", 1) if placed else _code_location(part, kind)
     return PartSchema(
         reference=reference, kind=kind, doc=inspect.cleandoc(part.__doc__ or ""), parameters=parameters,
