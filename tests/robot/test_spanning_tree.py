@@ -43,13 +43,15 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.memo import Memo
 from thingc.base.pose import Vector
 from thingc.geometry.record import Mesh
+from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import Assembly, Listed, Surface
 from thingc.model.resolve.types import Standing
 from thingc.model.robot.floor_height import stand
 from thingc.model.robot.kinematic_tree import root
 from thingc.model.robot.kinematics import body_poses, occurrence_poses
 from thingc.model.robot.start_pose_checks import check_starts
-from thingc.model.robot.types import Robot
+from thingc.model.robot.types import Keyframe, Robot
+from thingc.model.solids.clearance import Sweep
 
 SEAT = t(0.04, 0.0, 0.02) @ ry(0.3)
 HOLE = t(-0.05, 0.01, 0.0) @ rx(1.2)
@@ -438,6 +440,9 @@ def test_long_chain_does_not_exceed_recursion_limit() -> None:
     for a, b in pairwise(ends[:5]):
         step: Vector = b.translation
         assert np.linalg.norm(np.subtract(step, a.translation)) == pytest.approx(0.2, rel=1e-9)
+    place = Sweep(robot, Keyframe(name="zero", q={joint.path: 0.0 for joint in joints_of(found)}, origin=()), ()).place({})
+    assert place is not None
+    assert [place.at(end) for end in (0, count - 1)] == [ends[0], ends[-1]]
 
 
 def test_unconnected_link_is_reported() -> None:

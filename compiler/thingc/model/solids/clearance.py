@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -226,10 +227,11 @@ class Place:
         return self._at[part]
 
     def _body_pose(self, index: int) -> Pose:
-        if index not in self._bodies:
-            body = self.sweep.robot.bodies[index]
-            assert body.parent is not None  # only the first body is a root
-            self._bodies[index] = body_pose(body, self._body_pose(body.parent), self.q)
+        bodies = self.sweep.robot.bodies
+        chain = [] if index in self._bodies else [*with_ancestors(bodies, index)]
+        for parent, child in pairwise(reversed(chain)):
+            if child not in self._bodies:
+                self._bodies[child] = body_pose(bodies[child], self._bodies[parent], self.q)
         return self._bodies[index]
 
     def gap(self, pair: ComparedPair, within: float) -> float:
