@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from pathlib import Path
 
 import mujoco
@@ -13,6 +14,7 @@ import thingc
 from importing.as_original import closed_residual, nearest_closed
 from loops.robots import BALL
 from thingc.base.diagnostics import Report
+from thingc.model.robot.loop_solver import Loops
 from thingc.tools.importing.importing import import_robot
 
 LEG = """\
@@ -133,3 +135,10 @@ def test_given_values_change_least(given: tuple[str, ...], tmp_path: Path) -> No
     assert np.abs(planar_gap(ours)).max() < 1e-9 and np.abs(planar_gap(best.x)).max() < 1e-9
     assert ours[picked] == pytest.approx(best.x[picked], abs=2e-5)
     assert [one.code.code for one in compiled.diagnostics] == ["TC618"]
+
+
+def test_search_ends_when_the_closed_state_is_already_the_nearest(root: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    steps, original = Counter[str](), Loops._step
+    monkeypatch.setattr(Loops, "_step", lambda *given: (steps.update(["steps"]), original(*given))[1])
+    assert thingc.compile(str(root / "assemblies/minchw/minchw.yaml"), store=shared_store).modes
+    assert 0 < steps.total() < 100

@@ -266,6 +266,7 @@ class Loops:
         in units of the robot's size. The method uses Gauss-Newton steps for a constrained least-squares problem, and tries shorter steps
         if the steps do not converge.
         """
+        known = self.distance(start, closed.state, given_paths)
         weighted = [c if c.path in given_paths else replace(c, unit=FREE * c.unit) for c in self.coordinates]
         for share in (1.0, 0.3, 0.1):
             state = closed.state
@@ -281,8 +282,8 @@ class Loops:
                 continue
             candidate = self.close(state, None, base_moves=base_moves)
             distance = self.distance(start, candidate.state, given_paths)
-            if candidate.closed and distance < (1.0 - GAIN) * self.distance(start, closed.state, given_paths):
-                return candidate
+            if candidate.closed and distance < (1.0 + GAIN) * known:
+                return candidate if distance < (1.0 - GAIN) * known else closed
         return closed
 
     def distance(self, start: SolverState, state: SolverState, given_paths: Collection[str]) -> float:
