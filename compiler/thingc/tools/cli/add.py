@@ -52,11 +52,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc add` to the parser."""
     add = parser.add_argument
     add("what", type=console.one_of(list(STUBS)), metavar="{" + ",".join(STUBS) + "}", help="kind of the new element")
-    add("name", metavar="NAME", help="name of the element; for a part: class or MODULE:CLASS; for an assembly: a document, existing or new")
+    add("name", metavar="NAME", help="name of the element; for a part: CLASS or MODULE:CLASS; for an assembly: an existing or new document")
     add("--to", metavar="DOC", help="the document to change (optional for parts and assemblies)")
     add("--on", metavar="MOUNT", help="for parts and assemblies: the mount to which the new component is attached")
-    add("--by", metavar="MOUNT", help="for parts and assemblies: the mount of the new component that is attached to --on")
-    add("--at", metavar="MOUNT", help="for parts and assemblies: the frame at which the new component is placed, instead of --on")
+    add("--by", metavar="MOUNT", help="for parts and assemblies: the mount of the new component to attach to the mount --on")
+    add("--at", metavar="MOUNT", help="for parts and assemblies: place the origin of the new component at this mount (instead of --on)")
     add("--name", metavar="NAME", dest="component", help="for parts and assemblies: name of the component (default: from the part)")
     add(
         "--param", metavar="NAME=VALUE", action="append",
@@ -66,17 +66,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--root", metavar="ROOT", help="for modes: the root, a component or a mount (default: the root of the first mode)")
     add(
         "--base", type=console.one_of(BASES), metavar="{" + ",".join(BASES) + "}",
-        help="for modes: type of the base (default: the first type that no mode with the same root uses)",
+        help="for modes: type of the base (default: the first of these types that no other mode with this root uses)",
     )
     add(
         "--standing-on", metavar="MOUNT", action="append",
-        help="for modes: a mount on the floor; a single mount is the fixed root, unless --base is free (may be repeated)",
+        help="for modes: a mount on the floor; a single one becomes the fixed root, unless --base is free (may be repeated)",
     )
     add("--pose", metavar="POSE", help="for modes: the start pose (default: pose of the first mode)")
-    add("--gravity", metavar="GRAVITY", help="for modes: the supporting surface (wall, ceiling), or three accelerations (default: floor)")
+    add("--gravity", metavar="GRAVITY", help="for modes: gravity towards floor, wall or ceiling, or three accelerations (default: floor)")
     add("--type", type=console.one_of(get_args(JointType)), metavar="TYPE", help="for joints: the type of the joint (default: revolute)")
     add("--parent", metavar="MOUNT", help="for joints: the parent mount")
-    add("--child", metavar="MOUNT", help="for joints: the child mount; replaces the placement of its component")
+    add("--child", metavar="MOUNT", help="for joints: the child mount; the joint replaces the placement of the child component")
     add("--loop", action="store_true", default=None, help="for joints: close a loop instead of placing the child")
     add("--kind", metavar="KIND", help="for tests: the kind of the test, for example mass")
     console.add_no_code(parser)

@@ -55,7 +55,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc batch` to the parser."""
     add = parser.add_argument
     add("document", metavar="DOC", help="a variants document (YAML or TOML)")
-    add("-o", "--output", metavar="DIR", help="write the folder NAME in DIR (default: the workspace's build folder)")
+    add("-o", "--output", metavar="DIR", help="create the folder NAME in DIR (default: the workspace's build folder)")
     add(
         "--emit", metavar="T", action="append", default=[],
         help="write only this target (may be repeated; default: the targets of the document)",
@@ -63,24 +63,24 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--limit", metavar="N", type=console.positive, help="build only the first N variants")
     add("--resume", action="store_true", help="continue an interrupted batch")
     add("--retry", action="store_true", help="with --resume: retry failed variants")
-    add("--adopt", metavar="ID", help="write the settings of one variant to the assembly document; build nothing")
+    add("--adopt", metavar="ID", help="write the values of one variant to the assembly document; build nothing")
     add("--unpack", metavar="ID", help="write the folder of one variant of a packed batch; build nothing")
     add("--dry-run", action="store_true", help="show what would be built; write nothing")
     add(
         "--layout", choices=(FOLDERS, PACKED),
-        help="one folder per variant, or packed files (default: layout of the document, else packed for more than 2000 variants)",
+        help="write one folder per variant, or packed files (default: as in the document, else packed for more than 2000 variants)",
     )
     add("--timeout", metavar="TIME", help="time limit for each variant (default: '10 min')")
     add("--cluster", metavar="ADDRESS", help="build on a cluster: tcp://HOST:8786 (dask) or slurm:partition=NAME,cpus=8")
-    add("--ship", action="store_true", help="with --cluster: copy files to and from machines that do not share a folder with this one")
+    add("--ship", action="store_true", help="with --cluster: copy files to and from machines that do not share a folder with this machine")
     add(
         "--pictures", metavar="N", type=_pictures,
-        help="number of pictures on the page of the batch, or `none` or `all` (default: 48, none for more than 200 variants)",
+        help="number of pictures on the HTML page, `none` or `all` (default: 48, or none for more than 200 variants)",
     )
     add("--page-only", action="store_true", help="replace only the HTML page of an existing batch; build nothing")
     add(
         "--verify", choices=tuple(VERIFY), default="some",
-        help="models to compile with MuJoCo: all, none, or the first and every 64th of the models that differ only in numbers (default)",
+        help="models to compile with MuJoCo (some: if models differ only in numbers, the first and every 64th; default: some)",
     )
     console.add_format(parser)
     console.add_geometry(parser, jobs="number of variants to build in parallel")

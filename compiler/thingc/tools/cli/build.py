@@ -173,27 +173,28 @@ def add_emit(parser: argparse.ArgumentParser) -> None:
     unasked = [name for name, target in TARGETS.items() if target.unasked]
     parser.add_argument(
         "--emit", metavar="T", action="append", default=[],
-        help=f"write only this target, or `all` (may be repeated; default: targets of the workspace, else {', '.join(unasked)})",
+        help=f"write only this target, or `all` (may be repeated; default: the targets in thingc.toml, else {', '.join(unasked)})",
     )
 
 
 def add_compat(parser: argparse.ArgumentParser) -> None:
-    """Add the option `--compat`, which selects further programs that check the MuJoCo models, to a parser."""
+    """Add the option `--compat`, which selects further programs that must be able to read the MuJoCo models, to a parser."""
     parser.add_argument(
         "--compat", metavar="C", action="append", default=[],
-        help=f"also check the MuJoCo models with this program: {', '.join(CONSUMERS)} (may be repeated; "
+        help=f"write MuJoCo models that this program can also read: {', '.join(CONSUMERS)} (may be repeated; "
         "default: the programs in thingc.toml)",
     )
 
 
 def add_building(parser: argparse.ArgumentParser) -> None:
     """Add the options that control the content and the location of the build folder to a parser."""
-    parser.add_argument("-o", "--output", metavar="DIR", help="write the folder NAME in DIR (default: the workspace's build folder)")
+    parser.add_argument("-o", "--output", metavar="DIR", help="create the folder NAME in DIR (default: the workspace's build folder)")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="build only this mode (may be repeated; default: all)")
     add_emit(parser)
     add_compat(parser)
     parser.add_argument(
-        "--force", action="store_true", help="overwrite files in the build folder that thingc did not write or that have changed since"
+        "--force", action="store_true",
+        help="overwrite files in the build folder that thingc did not write or that have changed since the last build",
     )
     parser.add_argument("--deny-loss", action="store_true", help="treat export losses as errors, unless the document allows them")
 

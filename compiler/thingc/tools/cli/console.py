@@ -100,7 +100,7 @@ def add_compiling(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--set", metavar="PATH=TEXT", action="append", default=[], dest="choice",
-        help="set a value by its path, for example --set 'joints.elbow.limit.upper=90 deg', or select a part, a nested assembly or a "
+        help="set the value at a path, for example --set 'joints.elbow.limit.upper=90 deg', or select a part, a nested assembly or a "
         "material, for example --set components.foot.part=feet:Wide (may be repeated)",
     )
     parser.add_argument("--strict", action="store_true", help="treat warnings as errors")
@@ -109,7 +109,7 @@ def add_compiling(parser: argparse.ArgumentParser) -> None:
 
 def add_editing(parser: argparse.ArgumentParser) -> None:
     """Add the options of commands that change values in a document."""
-    parser.add_argument("--diff", action="store_true", help="write nothing, show what would change")
+    parser.add_argument("--diff", action="store_true", help="show the changes without writing them")
     add_format(parser)
     parser.add_argument("--strict", action="store_true", help="treat warnings as errors")
     add_geometry(parser)
@@ -118,10 +118,10 @@ def add_editing(parser: argparse.ArgumentParser) -> None:
 def add_geometry(parser: argparse.ArgumentParser, *, jobs: str = "number of parts to build in parallel") -> None:
     """Add the options for part geometry, such as `--store`, to a parser. `jobs` is the help text of the option `--jobs`."""
     parser.add_argument(
-        "--store", metavar="DIR", help="cache of built parts, a folder or a URL (default: THINGC_STORE, else the user's cache folder)",
+        "--store", metavar="DIR", help="folder or URL of cached parts (default: THINGC_STORE if set, else the user's cache folder)",
     )
     parser.add_argument("--jobs", metavar="N", type=positive, default=0, help=f"{jobs} (default: one per core)")
-    parser.add_argument("--part-timeout", metavar="TIME", help="time limit for each part, for example '30 s'")
+    parser.add_argument("--part-timeout", metavar="TIME", help="time limit for building each part, for example '30 s'")
     parser.add_argument("--debug", action="store_true", help="show the Python tracebacks of failed parts")
 
 
@@ -134,7 +134,7 @@ def add_format(parser: argparse.ArgumentParser, choices: Sequence[str] = ("text"
 def add_no_code(parser: argparse.ArgumentParser) -> None:
     """Add the option `--no-code`, with which a command runs no code of the workspace, to a parser."""
     parser.add_argument(
-        "--no-code", action="store_true", help="run no code of the workspace; read parts from parts.lock.json (see `thingc lock`)",
+        "--no-code", action="store_true", help="do not run code of the workspace; read parts from parts.lock.json (see `thingc lock`)",
     )
 
 

@@ -31,8 +31,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(stdout_errors=True)
     add = parser.add_argument
     add("document", metavar="DOC", nargs="+", help="a document, a folder of documents, or - for standard input")
-    add("--check", action="store_true", help="write nothing, list files that would change; exit code 1 if a file would change")
-    add("--diff", action="store_true", help="write nothing, show what would change")
+    add("--check", action="store_true", help="list the files that would change, without writing them; exit with code 1 if there are any")
+    add("--diff", action="store_true", help="show the changes without writing them")
     add("--modeline", action="store_true", help="write the path of the schema into the first line of each document")
     add("--touched", action="store_true", help="treat the arguments as changed files, and skip files that are not documents")
 

@@ -29,7 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc info` to the parser."""
     console.add_document(parser, what="an assembly document (YAML or TOML), or a robot of another format (.urdf, .xacro, .sdf, .xml)")
     robot_files.configure(parser)
-    parser.add_argument("--mates", action="store_true", help="also show mated mounts, and the axes of the child in the parent frame")
+    parser.add_argument("--mates", action="store_true", help="also show mated mounts, and how their axes are aligned")
     console.add_no_code(parser)
     console.add_format(parser)
     console.add_compiling(parser)

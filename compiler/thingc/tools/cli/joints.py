@@ -24,9 +24,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc joints` to the parser."""
     parser.set_defaults(stdout_errors=True)
     parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
-    parser.add_argument("name", metavar="JOINT", nargs="*", help="a proposal to accept (default: all unambiguous proposals)")
+    parser.add_argument("name", metavar="JOINT", nargs="*", help="name of a proposed joint to accept (default: all unambiguous proposals)")
     parser.add_argument("--write", action="store_true", help="write the accepted joints into the document")
-    parser.add_argument("--diff", action="store_true", help="write nothing, show what --write would change")
+    parser.add_argument("--diff", action="store_true", help="show what --write would change, without writing it")
     console.add_format(parser)
     parser.add_argument("--strict", action="store_true", help="treat warnings as errors")
     console.add_geometry(parser)

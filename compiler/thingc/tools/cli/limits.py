@@ -40,11 +40,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     console.add_document(parser)
     parser.add_argument("joint", metavar="JOINT", nargs="*", help="joints or patterns (default: all joints with one coordinate)")
     parser.add_argument("--mode", metavar="M", help="mode of the robot (default: the first)")
-    parser.add_argument("--pose", metavar="P", help="pose of the other joints (default: pose of the mode)")
-    parser.add_argument("--pairs", action="store_true", help="also check all pairs of these joints between their limits")
+    parser.add_argument("--pose", metavar="P", help="pose of the joints that do not move (default: pose of the mode)")
+    parser.add_argument("--pairs", action="store_true", help="also check all combinations of positions of two joints")
     parser.add_argument(
-        "--resolution", metavar="SIZE", action="append", default=[], help="largest error of the ends of intervals: an angle or a length "
-        "(default: 0.25 deg and 0.1 mm; may be repeated)",
+        "--resolution", metavar="SIZE", action="append", default=[], help="largest error of the limits: an angle, or a length for "
+        "slides (may be repeated; default: 0.25 deg and 0.1 mm)",
     )
     parser.add_argument("--write", action="store_true", help="write the limits to the document, and preserve comments and layout")
     console.add_format(parser)

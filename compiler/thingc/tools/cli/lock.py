@@ -38,7 +38,7 @@ from thingc.tools.cli.parts import unreadable
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc lock` to the parser."""
     parser.add_argument("folder", metavar="FOLDER", nargs="?", default=".", help="a folder of the workspace (default: the working folder)")
-    parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if the file is not up to date")
+    parser.add_argument("--check", action="store_true", help="do not write the file; exit with code 1 if it is out of date")
     console.add_format(parser, console.FINDINGS)
     console.add_geometry(parser)
 

@@ -31,7 +31,7 @@ RESERVED = {"world", "root", "origin", "scene"}
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc new` to the parser."""
     parser.epilog = (parser.epilog or "").format(**TEMPLATES)
-    parser.add_argument("place", metavar="NAME", help="the folder to create; its last component is the name of the robot")
+    parser.add_argument("place", metavar="NAME", help="the folder to create; the name of the folder is the name of the robot")
     parser.add_argument(
         "--template", type=console.one_of(list(TEMPLATES)), metavar="{" + ",".join(TEMPLATES) + "}", default=next(iter(TEMPLATES)),
         help="the example robot (default: %(default)s)",

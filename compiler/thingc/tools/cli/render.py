@@ -58,13 +58,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--size", metavar="WxH", type=_size, default=SHOT.size, help="size in pixels (default: 1280x960)")
     add(
         "--azimuth", metavar="DEG", type=_degrees(360.0),
-        help="view direction: 0 along x, 90 along y; on a wall, 0 faces the wall (default: 140; on a wall 40)",
+        help="horizontal view direction: 0 along x, 90 along y; in a scene with a wall, 0 faces the wall (default: 140, or 40 with a wall)",
     )
-    add("--elevation", metavar="DEG", type=_degrees(90.0), help="view elevation; negative looks down (default: -22; at a ceiling 16)")
+    add("--elevation", metavar="DEG", type=_degrees(90.0), help="vertical view angle; negative: down (default: -22; with a ceiling 16)")
     add("--mounts", action="store_true", help="draw mounts with attached components, and mounts that the document exports or adds")
     add("--mounts-of", metavar="COMPONENT", action="append", default=[], help="draw all mounts of this component, such as hand.cap")
     add("--joints", action="store_true", help="draw joint axes, with arrows in the positive direction")
-    add("--collision", action="store_true", help="draw the collision shapes, transparent, over the parts")
+    add("--collision", action="store_true", help="draw transparent collision shapes over the parts")
     add("--root", action="store_true", help="draw the frame of the root")
     console.add_format(parser)
     console.add_compiling(parser)

@@ -26,7 +26,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc rezero` to the parser."""
     parser.set_defaults(stdout_errors=True)
     parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
-    parser.add_argument("zero", metavar="JOINT=ZERO", nargs="*", help="a joint, and the coordinate that its present zero position gets")
+    parser.add_argument("zero", metavar="JOINT=ZERO", nargs="*", help="a joint, and the new coordinate of its present zero position")
     parser.add_argument("--flip", metavar="JOINT", action="append", default=[], help="reverse the direction of a joint (may be repeated)")
     parser.add_argument(
         "--calibration", metavar="FILE", action="append", default=[], help="also change a calibration of this robot (may be repeated)",

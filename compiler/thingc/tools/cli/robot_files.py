@@ -30,20 +30,21 @@ def configure(parser: argparse.ArgumentParser, *, meshes: bool = True) -> None:
     add = parser.add_argument
     add(
         "--package", metavar="NAME=DIR", action="append", default=[],
-        help="folder of `package://NAME/...` (may be repeated; default: folders above the file, ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
+        help="folder of the package NAME in URIs `package://NAME/...` (may be repeated; default: search the folders above the file, "
+        "ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
     )
-    add("--arg", metavar="NAME=VALUE", action="append", default=[], help="argument of a xacro file, `$(arg NAME)` (may be repeated)")
+    add("--arg", metavar="NAME=VALUE", action="append", default=[], help="set the argument `$(arg NAME)` of a xacro file (may be repeated)")
     add(
         "--repair", metavar="inertia=HOW", type=_repair,
-        help="change the inertia of links that cannot be simulated: inertia=nearest (nearest physical inertia) or "
-        "inertia=shapes (computed from shapes)",
+        help="replace physically impossible inertias: inertia=nearest (by the nearest possible inertia) or "
+        "inertia=shapes (by an inertia computed from the shapes)",
     )
     if not meshes:
         parser.set_defaults(mesh_root=[], no_meshes=True)
         return
     add(
         "--mesh-root", metavar="DIR", action="append", default=[],
-        help="additional folder in which to look for meshes whose paths have the same end (may be repeated)",
+        help="folder in which to search for missing meshes, by the end of their paths (may be repeated)",
     )
     add("--no-meshes", action="store_true", help="omit meshes, and list them as losses")
 

@@ -34,7 +34,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("side", metavar="SIDE", nargs="+", help="two robots: documents, files of other formats, build folders or Git revisions")
     add(
         "--tolerance", metavar="T", type=console.number_in(1e-12, 0.1, "a number from 1e-12 to 0.1", float), default=TOLERANCE,
-        help="values that differ by at most T are equal: m, rad, or a fraction of masses and inertias (default: %(default)g)",
+        help="largest difference of equal values, in m or rad, or as a fraction of masses and inertias (default: %(default)g)",
     )
     robot_files.configure(parser, meshes=False)
     console.add_format(parser)

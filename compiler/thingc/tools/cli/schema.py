@@ -33,7 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc schema` to the parser."""
     parser.add_argument(
         "place", metavar="FOLDER|DOC", nargs="*", default=["."],
-        help="a document, or a folder of a workspace (for all documents in it) (default: the working folder)",
+        help="a document, or a folder whose documents get schemas (default: the working folder)",
     )
     parser.add_argument("--no-model", action="store_true", help="do not start the CAD kernel; use only cached parts")
     console.add_geometry(parser)

@@ -24,14 +24,14 @@ from thingc.tools.cli.robot_files import changed_robots
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc touched` to the parser."""
     parser.add_argument("files", metavar="FILE", nargs="*", help="a file that was changed or deleted")
-    parser.add_argument("--since", metavar="REVISION", help="add all files that have changed since the common ancestor with REVISION (Git)")
+    parser.add_argument("--since", metavar="REVISION", help="add the files that have changed since the branch left REVISION (Git)")
     parser.add_argument("--all", action="store_true", help="list every document below the working folder")
-    parser.add_argument("-0", "--null", action="store_true", help="print unescaped paths, each terminated by a NUL, for scripts")
+    parser.add_argument("-0", "--null", action="store_true", help="for scripts: print unescaped paths, each terminated by a NUL character")
     parser.add_argument("--roots", action="store_true", help="list only assemblies that have modes or are not nested in others")
     parser.add_argument(
         "--robot-files", action="store_true", help="list changed robot files (.urdf, .xacro, .sdf, .xml) instead of documents",
     )
-    parser.add_argument("--store", metavar="DIR", help="cache of built parts (default: THINGC_STORE, else the user's cache folder)")
+    parser.add_argument("--store", metavar="DIR", help="cached parts (default: THINGC_STORE if set, else the user's cache folder)")
     console.add_format(parser)
 
 

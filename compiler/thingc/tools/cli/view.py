@@ -61,14 +61,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="show only this mode (may be repeated; default: all)")
     parser.add_argument(
         "--against", metavar="DOC",
-        help="show a second document as a transparent robot; if it is the same document, show its state at the start of the command",
+        help="also show the robot of DOC, transparent; if DOC is the same document, show its state at the start of the command",
     )
     port = console.number_in(1, 65535, "a port from 1 to 65535", console.whole)
     parser.add_argument("--port", metavar="N", type=port, default=0, help="port of the server (default: a free port)")
-    parser.add_argument("--no-open", action="store_true", help="print the address, do not open a browser")
+    parser.add_argument("--no-open", action="store_true", help="print the address of the page without opening a browser")
     parser.add_argument(
         "--editor", metavar="URL", default=EDITOR,
-        help="URL of links to documents and part files, with {file} and {line} (default: %(default)s)",
+        help="URL that links to documents and part files open, with placeholders {file} and {line} (default: %(default)s)",
     )
     console.add_compiling(parser)
 
