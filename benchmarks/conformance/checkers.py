@@ -41,7 +41,7 @@ OVERLAPPING = "(a1_description|mini_cheetah|panda|plane)"
 """Imported robots whose collision shapes overlap. `plane` is the robot in `laikago.urdf`."""
 DUPLICATE_NAMES = {
     r"^WARNING: Geom with duplicate name.*\[(ant|humanoid)/": (
-        "If an imported geom is both visual and collision geometry, the two geoms in the model have the same name."
+        "An imported geom that is both visual and collision geometry becomes two geoms with the same name."
     ),
 }
 GALLERY = tuple(f"gallery/{name}/{name}.yaml" for name in ("balancer", "delta", "gecko", "gripper", "hand", "hexapod"))
@@ -77,15 +77,15 @@ CHECKERS: tuple[Checker, ...] = (
     Checker(
         "simready-validate", ("USD",), ("simready-validate==2026.8.0", "simready-foundation-tier-core==2026.8.0"),
         "The checker tests the required features of the profile Robot-Body 3.0.0 of NVIDIA SimReady.", version="3.12", explained={
-            "^VG.008": "A collision mesh may be equal to the visual mesh, because collision meshes have the purpose `guide`.",
-            "site-packages/simready/": "Some warnings concern the Python code of the checker.",
-            "^VG.MESH.001": "Robots with only boxes, spheres and cylinders do not contain a mesh.",
+            "^VG.008": "The checker reports collision meshes that equal visual meshes, which is intended: they have the purpose `guide`.",
+            "site-packages/simready/": "Some warnings come from the Python code of the checker, not from the files.",
+            "^VG.MESH.001": "The checker expects a mesh, but robots with only boxes, spheres and cylinders have none.",
         },
     ),
     Checker(
         "ros-openusd-compliance-checker", ("USD",), ("ros-openusd-compliance-checker==0.1.2",),
         "The checker tests all rules of the draft of REP 158.", version="3.12", explained={
-            r"^1\.2\.13": "Meshes are stored as text, so that one file contains the whole robot.",
+            r"^1\.2\.13": "thingc stores meshes as text, so that one file contains the whole robot.",
             r"^1\.3\.4.*approximation": (
                 "For a moving mesh, simulators use the convex hull. Primitive shapes do not need a collision approximation."
             ),
@@ -98,32 +98,32 @@ CHECKERS: tuple[Checker, ...] = (
     ),
     Checker(
         "isaaclab-robot-doctor", ("URDF", "USD"), ("isaaclab-robot-doctor[usd]==0.1.0",), explained={
-            "^mass.tiny": "Some robots contain links with a very small mass, such as links between the axes of a joint.",
-            "^joint.effort_missing|^joint.velocity_missing": "Some joints have no drive or no limit.",
-            "^joint.mimic": "Mimic joints are intended.",
-            "^tree.kinematic_loop|^tree.no_root": "Holds, and joints that close loops, are excluded from the USD articulation.",
+            "^mass.tiny": "The checker warns about links with a very small mass, such as those between the axes of a joint.",
+            "^joint.effort_missing|^joint.velocity_missing": "In some robots, joints do not have a drive or a limit.",
+            "^joint.mimic": "The checker warns about mimic joints, which are intended.",
+            "^tree.kinematic_loop|^tree.no_root": "The USD articulation does not contain holds and joints that close loops.",
             r"^names.invalid_prim_name.*\[humanoid/": "URDF files of imported robots contain the original names.",
-            r"^inertia.not_positive_definite.*'chassis'.*\[plane/": "The inertia in the source file of the robot `plane` is 0.",
+            r"^inertia.not_positive_definite.*'chassis'.*\[plane/": "In the source file of `plane`, an inertia is 0.",
         },
     ),
     Checker("urdf-validator", ("URDF",), ("urdf-validator==1.6.0",), explained={
-        '^Unknown tag "mujoco"': "`<mujoco>` is an extension of URDF that MuJoCo reads.",
-        "stability margin is negative|^--deep skipped": "The balancing robot cannot stand without a controller.",
+        '^Unknown tag "mujoco"': "The checker does not know the tag `<mujoco>`, which MuJoCo reads.",
+        "stability margin is negative|^--deep skipped": "The balancing robot is unstable without a controller.",
         r"^\[INERTIA\].*diverges": (
-            "The checker compares each inertia with the inertia of a solid box or cylinder around the visual shapes."
+            "The checker expects the inertia of a solid box or cylinder around the visual shapes of a link."
         ),
     }),
     Checker("check_urdf", ("URDF",), needs=("sh -c 'command -v check_urdf'",), install="apt install liburdfdom-tools"),
     Checker(
         "urdf_parser_py", ("URDF",), ("urdf-parser-py==0.0.4", "lxml==6.1.3", "PyYAML==6.0.4"),
-        explained={'^Unknown tag "mujoco"': "`<mujoco>` is an extension of URDF that MuJoCo reads."},
+        explained={'^Unknown tag "mujoco"': "The parser does not know the tag `<mujoco>`, which MuJoCo reads."},
     ),
     Checker(
         "yourdfpy", ("URDF",), ("yourdfpy==0.0.60", "trimesh==5.2.0", "lxml==6.1.3", "six==1.17.0", "numpy==2.4.6"), alone=True,
     ),
     Checker("pinocchio", ("URDF",), ("pin==4.1.0",)),
     Checker("pybullet", ("URDF",), PYBULLET, explained={
-        "^pybullet build time": "PyBullet prints its build time.",
+        "^pybullet build time": "PyBullet prints the time at which PyBullet was built.",
     }),
     Checker("ikpy", ("URDF",), ("ikpy==4.2.1",), explained={
         "is of type 'fixed' but set as active": "ikpy reports a warning for every fixed joint.",
@@ -139,12 +139,12 @@ CHECKERS: tuple[Checker, ...] = (
     Checker("urchin", ("URDF",), ("urchin==0.0.30",)),
     Checker("idyntree", ("URDF",), ("idyntree==15.1.0",)),
     Checker("dartpy", ("URDF",), ("dartpy==6.20.0",), "DART is the default physics engine of Gazebo.", explained={
-        "A negative or zero mass": "Some links are frames without a mass.",
+        "A negative or zero mass": "DART warns about links without a mass, which represent frames.",
         r"^links missing \['world'\], added \[\]": "DART does not create a body for a root link with the name `world`.",
     }),
     Checker("mjcf-doctor", ("MJCF",), ("mjcf-doctor==0.2.1",), explained={
-        rf"_penetration.*\[{OVERLAPPING}/": "Collision shapes of some imported robots also overlap in the source files.",
-        r"^timestep_large.*\[ant/": "The time step of the robot `ant` comes from its source file.",
+        rf"_penetration.*\[{OVERLAPPING}/": "In some imported robots, collision shapes overlap, as in the source files.",
+        r"^timestep_large.*\[ant/": "The large time step of the imported robot `ant` comes from the source file of this robot.",
     }),
     *(Checker(name, ("MJCF", "URDF"), (f"mujoco=={version}",), function="mujoco", explained=DUPLICATE_NAMES) for name, version in (
         ("mujoco", "4.0.0"), ("mujoco-3.17", "3.17.0"), ("mujoco-3.11", "3.11.0"),
@@ -156,7 +156,7 @@ CHECKERS: tuple[Checker, ...] = (
     Checker(
         "gz sdf", ("SDF",), needs=("gz sdf --version",), install="apt install gz-tools2",
         note=(
-            "Debian does not contain the package, and the Python package sdformat14-py-bindings does not contain libsdformat. Drake, which "
+            "Debian does not contain gz-tools2, and the Python package sdformat14-py-bindings does not contain libsdformat. Drake, which "
             "also contains libsdformat, reads all SDF files in the conformance study."
         ),
     ),
@@ -164,13 +164,13 @@ CHECKERS: tuple[Checker, ...] = (
         "newton==1.8.0", "warp-lang==1.19.0", "usd-core==26.11", "newton-usd-schemas==0.6.0", "scipy==1.17.1", "trimesh==5.2.0",
     ), explained={
         "^Inertia validation corrected": "Newton enlarges the inertia of links of 1e-9 kg between the axes of a joint.",
-        "^Warp CUDA warning": "The study runs on a CPU.",
+        "^Warp CUDA warning": "Newton warns that CUDA is missing, because the study runs on a CPU.",
     }),
-    Checker("genesis", ("URDF", "MJCF"), ("genesis-world==1.4.5", "torch==2.13.0"), "Genesis only loads the files.", explained={
-        r"has dubious .*_source\.": "Masses and inertias of imported robots come from their source files.",
-        r"Mesh is not watertight.*_source\.": "Meshes of imported robots come from their source files.",
+    Checker("genesis", ("URDF", "MJCF"), ("genesis-world==1.4.5", "torch==2.13.0"), "The study only loads the files.", explained={
+        r"has dubious .*_source\.": "Dubious masses and inertias come from the source files of imported robots.",
+        r"Mesh is not watertight.*_source\.": "Meshes with holes come from the source files of imported robots.",
         "Joint limit ignored for ball joints": "Genesis does not support limits of ball joints.",
-        "The model declares (torsional|rolling) friction": "By default, Genesis only simulates sliding friction.",
+        "The model declares (torsional|rolling) friction": "By default, Genesis simulates only sliding friction.",
         "The model declares the elliptic friction cone": "By default, Genesis uses a pyramidal friction cone.",
     }),
 )

@@ -90,7 +90,7 @@ READERS = (
     ),
     Reader(
         "yourdfpy", ("URDF",), ("yourdfpy==0.0.60", "trimesh==5.2.0", "lxml==6.1.3", "six==1.17.0", "numpy==2.4.6"),
-        "yourdfpy only computes kinematics. The study sets the independent joints, and yourdfpy computes the mimic joints.", alone=True,
+        "yourdfpy computes only kinematics. The study sets the independent joints, and yourdfpy computes the mimic joints.", alone=True,
     ),
     Reader(
         "pybullet", ("URDF",), ("pybullet==3.2.7", "numpy==2.4.6"),
@@ -103,17 +103,17 @@ READERS = (
     ),
     Reader(
         "ikpy", ("URDF",), ("ikpy==4.2.1",),
-        "ikpy only computes the kinematics of each chain from the root to a leaf. The chain that ikpy selects by default must"
+        "ikpy computes only the kinematics of each chain from the root to a leaf. The chain that ikpy selects by default must"
         " contain a moving joint.",
     ),
     Reader(
         "drake", ("MJCF", FOR_DRAKE, "URDF", "SDF"), ("drake==1.51.1",),
         "Drake does not support loops, so the study removes joints that close loops or hold mounts. Drake does not report mimics, "
-        "so the study moves the independent joints with a force and observes the other joints for 0.4 s. Drake reports the "
-        "efforts of joints with one axis. Except in SDF files, each of these joints has a drive with the name of the "
-        "joint. A floating base is placed at the origin. In MJCF, Drake ignores sites and mimics. Without "
-        "`--compat drake`, Drake reads command ranges as efforts, so the study does not compare these efforts. For a body "
-        "with several joints, Drake then uses the axes of the parent, which changes the robot if the body is rotated.",
+        "so the study moves the independent joints with a force and observes the mimic joints for 0.4 s. Drake reports effort "
+        "limits only for joints with one axis. Except in SDF files, such a joint has a drive with the name of the "
+        "joint. The study places a floating base at the origin. In MJCF, Drake ignores sites and mimics. Without "
+        "`--compat drake`, Drake reads command ranges as efforts, so the study does not compare these efforts. Without this option, "
+        "Drake also uses the axes of the parent for a body with several joints, which changes the robot if the body is rotated.",
         refuses="several joints of one body",
     ),
     Reader(
@@ -129,8 +129,8 @@ READERS = (
     Reader("catkin_pkg", ("ROS",), ("catkin_pkg==1.1.1",), "colcon reads manifests with catkin_pkg, which must not report warnings."),
     Reader(
         "pinocchio_srdf", ("ROS",), ("pin==4.1.0",),
-        "The study loads URDF and SRDF with pinocchio, and compares frames in every pose, after the study has set the "
-        "positions of mimic joints and continuous joints. At 200 configurations, the study also checks whether links with "
+        "The study loads URDF and SRDF with pinocchio, sets the positions of mimic joints and continuous joints, and "
+        "compares frames in every pose. At 200 configurations, the study also checks whether links with "
         "disabled collisions collide.",
     ),
     Reader(
@@ -139,14 +139,14 @@ READERS = (
     ),
     Reader(
         "mjx", (COMPAT,), ("mujoco-mjx==3.17.0", "mujoco==3.17.0"),
-        "MJX loads models and scenes that are written with `--compat mjx`, and computes in double precision. Simulation steps are "
-        "compared without contacts, because MJX compiles a function for every pair of meshes. The models use pyramidal "
+        "MJX loads models and scenes that are written with `--compat mjx`, and computes in double precision. The study compares "
+        "simulation steps without contacts, because MJX compiles a function for every pair of meshes. The models use pyramidal "
         "friction cones, because MJX supports elliptic cones only with contacts.",
         refuses="mjTRN_BODY",
     ),
     Reader(
         "warp", ("MJCF",), ("mujoco-warp==3.17.0", "mujoco==3.17.0"),
-        "MuJoCo Warp loads the default models, and computes in single precision on a CPU. Simulation steps are compared without contacts.",
+        "MuJoCo Warp loads the default models, and computes in single precision on a CPU. The study compares steps without contacts.",
         floats=True,
     ),
     Reader(
@@ -155,7 +155,7 @@ READERS = (
         ),
         "Newton computes in single precision on a CPU. The study places a floating base at the origin. "
         "The tree in Newton does not contain holds or joints that close loops. The study "
-        "reads frames of USD from the file, relative to the links in Newton. Efforts and meshes are compared for USD only.",
+        "reads frames of USD from the file, relative to the links in Newton. The study compares efforts and meshes only for USD.",
         floats=True,
     ),
     Reader(

@@ -272,7 +272,7 @@ def _silent(found: Sequence[Verdict]) -> list[int]:
 def written(found: Sequence[Verdict], earlier: Sequence[Verdict]) -> str:
     """Format the tables of the page."""
     lines = ["```sh", "make slips", "```", ""]
-    lines += ["| | mistakes | refused | warnings | at the right line | not reported | of these found by the document's tests |"]
+    lines += ["| | mistakes | refused | warnings | at the right line | not reported | not reported, but found by the document's tests |"]
     lines += ["|---|---:|---:|---:|---:|---:|---:|"]
     size = len(MEANING)
     for name, part in (("meaning", slice(0, size)), ("magnitudes, units, positions", slice(size, None))):

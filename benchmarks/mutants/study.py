@@ -85,8 +85,8 @@ def written(results: list[Result], count: int, seed: int) -> str:
     command = "make mutants" if (count, seed) == (COUNT, 1) else f"python benchmarks/mutants/study.py --count {count} --seed {seed}"
     lines = [
         "```sh", command, "```", "",
-        f"{len(results)} mutants: {refused} refused ({refused / len(results):.1%}), {tally['built']} accepted. All accepted mutants build "
-        f"for MuJoCo. {tally['right']} refused mutants ({tally['right'] / max(refused, 1):.1%}) are reported at the right line.", "",
+        f"{len(results)} mutants: {refused} refused ({refused / len(results):.1%}), {tally['built']} accepted. MuJoCo compiles all "
+        f"accepted mutants. {tally['right']} refused mutants ({tally['right'] / max(refused, 1):.1%}) are reported at the right line.", "",
         "| mutation | mutants | refused | at the right line | accepted |", "|---|---:|---:|---:|---:|",
     ]
     for kind in KINDS:

@@ -50,21 +50,21 @@ def written(robots: dict[str, list[Result]], steps: int) -> str:
         "# Stability of names", "", "```sh", command(steps), "```", "", *_wrapped(MEASURED.format(steps=steps)), "",
         "## Names", "",
         f"The study made {sum(r.checks for r in every)} checks of {sum(r.names for r in every)} names in "
-        f"{sum(r.members for r in every)} members, {sum(len(r.wrong) for r in every)} wrong.", "",
+        f"{sum(r.members for r in every)} members. The number of wrong results is {sum(len(r.wrong) for r in every)}.", "",
         *names_table(robots), "", *[f"- wrong: {text}" for r in every for text in r.wrong],
         "## Faces selected by plain selectors", "", SHARES, "", *picks_table(robots, FACES), "",
         "## Edges selected by plain selectors", "",
-        "The selected edge of a hole is the circle at its opening.", "", *picks_table(robots, EDGES), "",
+        "For a hole, the study selects the circular edge at the opening.", "", *picks_table(robots, EDGES), "",
         "## Results by kind of feature", "",
-        "The numbers in the table are sums over all parts. An *outermost plane* is a plane beyond which the solid does not extend.", "",
+        "The table adds up the checks of all parts. An *outermost plane* is a plane beyond which the solid does not extend.", "",
         *groups_table(every), "",
         "## Selectors that work for all values", "",
         "The table counts the selectors that select the same feature in all members of a part.", "",
         *lasting_table(every), "",
         *reading(every), "",
         "## Missing features", "",
-        "Some settings remove a feature: a servo without an idler does not have idler holes, and a tray for two cells does not have a "
-        "third bay. The lookup of a removed feature must fail.", "",
+        "Some parameter values remove a feature. For example, a servo without an idler has no idler holes, and a tray for two cells has no "
+        "third bay. For a removed feature, the lookup must fail.", "",
         *gone_table(every), "",
     ]
     return "\n".join(lines)
@@ -121,7 +121,7 @@ def lasting_table(results: list[Result]) -> list[str]:
 
 def reading(results: list[Result]) -> list[str]:
     """Return a Markdown list that shows, for each selector, the parts in which the selector always finds the right feature."""
-    lines = ["For each kind of selector, this list shows the parts in which all selectors work for all values:", ""]
+    lines = ["The following list shows, for each kind of selector, the parts in which all selectors work for all parameter values:", ""]
     for selector in (*FACES, *EDGES):
         having = [r for r in results if r.chosen[selector]]
         good = [r.part for r in having if r.lasting[selector] == r.chosen[selector]]
@@ -164,14 +164,14 @@ def _wrapped(text: str) -> list[str]:
 
 MEASURED = """
 Part code names features such as mounts and screw holes. A name must identify the same feature for all parameter values of the part. This
-study compares such names with build123d selectors of faces and edges, for all parts of the arm and of MInchW, including bought parts. The
+study compares names with build123d selectors of faces and edges, for all parts of the arm and of MInchW, including bought parts. The
 study varies one parameter at a time over its range, in {steps} steps including both ends, with the other parameters at their defaults. For
 a parameter that is a count, a choice or a flag, the study uses every value. A *member* of a part is the solid for one set of valid
-parameter values. Settings that the part rejects with an error message are counted as refused.
+parameter values. If a part rejects parameter values with an error message, the values count as *refused*.
 
-**Names.** A table lists every mount of every part, and the screw holes for other parts. The table contains the kind of each feature, and
+**Names.** The study uses a table of all mounts and all screw holes for other parts. The table contains the kind of each feature, and
 its position as a formula of the parameters. The table was written by hand from the drawings (`benchmarks/naming/intents_*.py`). A name
-counts as right if its frame has the position and direction in the table within 1e-6 mm, and the finished solid has the feature at this
+counts as right if the position and direction of its frame equal those in the table within 1e-6 mm, and the solid has the feature at this
 position. For a mount, the feature is a planar face that contains the origin of the frame and is normal to the z axis of the frame. For a
 hole, the feature is a cylindrical face around the same axis with the standard diameter and with material outside. The study searches for
 features in the faces of the finished solid, not in the code of the part. The study cannot detect a mistake that is in both the part and the
@@ -180,8 +180,8 @@ table. The study checks only mounts and screw holes, not sketches, numbers or wh
 **Plain selectors.** For each name, the study constructs a selector that selects the named feature in the part with default parameters. For
 the name of a screw seat, the selector selects the screw hole. Then the study applies the same selector to the other members of the part.
 The study uses the best axis for each selector: the axis X, Y or Z (or the pair of axes, for selectors with two steps) along which the
-feature differs most from its neighbours. The index of a selector counts from the end that is nearer to the feature. `T` is the geometry
-type of the surface. A selector returns the `same` feature, silently returns `another` feature, or `fails` with an `IndexError`. Plain
+feature differs most from its neighbours. Indices count from the end of the sorted list that is nearer to the feature. `T` is the geometry
+type of the surface. A selector has one of three outcomes: the `same` feature, `another` feature, or `fails` (an `IndexError`). Plain
 selectors work if a change only moves faces, but can fail if a change creates, splits or swaps faces. Therefore, the results differ between
 parts.
 """
