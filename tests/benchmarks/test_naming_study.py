@@ -157,7 +157,7 @@ def test_page_equals_the_output():
     page = study["PAGE"].read_text(encoding="utf-8")
     head, _, tables = page.partition("## Names\n")
     assert study["written"]({}, study["STEPS"]).startswith(head) and "study.py" in head
-    assert ", 0 wrong." in tables
+    assert "The number of wrong results is 0." in tables
     for parts in study["PARTS"].values():
         assert all(f" {part.__name__} |" in tables for part, _ in parts)
     # Two ends of two ranges, and the default: five members with three names.

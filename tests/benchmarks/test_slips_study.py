@@ -32,7 +32,7 @@ def test_some_mistakes_are_reported(shared_store: str, tmp_path: Path, monkeypat
 def test_page_has_shares_and_reasons() -> None:
     assert PAGE.startswith((ROOT / "benchmarks" / "mutants" / "slips_page.md").read_text())
     first, second = (100 - int(share) for share in re.findall(r"^\| .*, now \|.*\((\d+)%\) \| \d+ \|$", PAGE, re.MULTILINE))
-    assert f"reports {second} % of the second list, but only {first} % of the first list" in " ".join(PAGE.split())
+    assert f"reports {second} % of the mistakes in the second list, but only {first} % of those in the first list" in " ".join(PAGE.split())
     reasons = re.findall(r"^\| (?:arm|minchw|walker) \| `.*?` \| (.*) \|$", PAGE, re.MULTILINE)
     assert len(reasons) == sum(map(int, re.findall(r", now \|.*\| (\d+) \(\d+%\)", PAGE)))
     assert not [one for one in reasons if not one or one.startswith(" ")]
