@@ -8,8 +8,8 @@ POSE = "The pose is within the limits and has no contacts. Only the author can s
 FRAME = (
     "The component is inside the robot, and has no shape. The document contains no other information about its position or mass."
 )
-RANGE = "The changed range is possible for a real joint."
-MODE = "The changed mode is valid. Only the author can see that another mode was intended."
+RANGE = "The changed range is also valid."
+MODE = "The changed mode is also valid."
 PASSIVE = "Robots can have passive joints, which are joints without a drive."
 MOUNT = "A component can be attached to any mount of a part, and all components are still connected."
 ZERO = "The author chooses the zero position of a joint, and the poses stay within the limits."
