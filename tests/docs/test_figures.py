@@ -40,7 +40,7 @@ CLAIMS = (
         r"smallest pull margin \[N\] +([\d.]+) +([\d.]+)\n", block="report of feet put down at the steel",
     ),
     Claim(
-        "docs/studies/walking.md", r"With the offset, these margins are ([\d.]+) N and ([\d.]+) N", "docs/studies/walking.md",
+        "docs/studies/walking.md", r"With the offset, the pull margins are ([\d.]+) N and ([\d.]+) N", "docs/studies/walking.md",
         r"smallest pull margin \[N\](?: +[\d.]+){4} +([\d.]+) +([\d.]+)\n", block="report",
     ),
 )
