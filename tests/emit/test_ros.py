@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import dataclasses
 import itertools
 import math
@@ -21,6 +22,7 @@ import numpy as np
 import pytest
 import yaml
 from msgspec.structs import replace
+from scipy.spatial.transform import Rotation
 
 from emit import small_robot
 from graph.builder import MATE, box, component, coordinates_of, linked, mimic, mode, pose, ref, rz, t, where
@@ -41,6 +43,7 @@ from thingc.targets.request import EmitRequest
 from thingc.targets.ros import collision_matrix
 from thingc.targets.ros.emit import emit
 from thingc.targets.urdf.emit import emit as emit_urdf
+from thingc.targets.xml_writer import Element
 from thingc.tools.cli.main import main
 
 MOUNTS = {"in": MATE, "out": t(0.1, 0.0, 0.0)}
@@ -642,6 +645,112 @@ def test_always_and_default_collisions_are_distinguished(tmp_path: Path) -> None
     assert disabled_pairs(made) == {("c0", "c1"): "Adjacent", ("c0", "c3"): "Always"}
     assert disabled_pairs(made, "s") == {("c0", "c1"): "Adjacent", ("c0", "c3"): "Default", ("c1", "c3"): "Default"}
     assert disabled_pairs(made, "back") == {("c3", "c0"): "Always", ("c1", "c0"): "Adjacent"}, "the links in the order of the mode"
+
+
+def test_pairs_that_two_joints_move_are_proved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """c2 meets c0 within 2e-6 rad of q0 = pi, which samples miss. The tiny balls touch there, so the pair is not `Never`. c1 stays 0.1 m
+    from c0, and c3 at least 0.19 m from c1. Three joints move c3 relative to c0, so this pair is sampled."""
+    tiny, ranges = dict.fromkeys(range(4), 1e-7), (math.pi, 0.5, 0.5)
+    made = chain(ranges, tmp_path / "a", tiny)
+    nearest = {gap: min(abs(1.0 + cmath.exp(1j * q)) for q in np.linspace(-gap, gap, 1001)) for gap in (math.pi, 0.5)}
+    assert 0.1 * nearest[math.pi] < 2e-7 and 0.1 * nearest[0.5] > 0.19
+    assert disabled_pairs(made) == {
+        ("c0", "c1"): "Adjacent", ("c1", "c2"): "Adjacent", ("c2", "c3"): "Adjacent", ("c1", "c3"): "Never", ("c0", "c3"): "Never",
+    }
+    assert 'with the reason "Never" for all positions of the joints: c1 and c3. -->' in text(made, "config/r_m.srdf")
+    monkeypatch.setattr(collision_matrix, "PROVED", 0)
+    sampled = chain(ranges, tmp_path / "b", tiny)
+    assert disabled_pairs(sampled)["c0", "c2"] == "Never" and "all positions" not in text(sampled, "config/r_m.srdf")
+
+
+URDF_JOINTS = [
+    ("revolute", "revolute", ""), ("revolute", "prismatic", ""), ("prismatic", "revolute", ""), ("continuous", "revolute", ""),
+    ("revolute", "revolute", '<mimic joint="j0" multiplier="-2.5" offset="0.3"/>'),
+    ("prismatic", "revolute", '<mimic joint="j0" multiplier="20" offset="-0.3"/>'),
+]
+"""Types of two joints in a chain, and the mimic of the second joint."""
+
+
+@pytest.mark.parametrize("share", [0.99, 1.0005])
+@pytest.mark.parametrize(("first", "second", "follows"), URDF_JOINTS)
+def test_proofs_match_a_grid(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, first: str, second: str, follows: str, share: float,
+) -> None:
+    """A ball and a thin rod, on the ends of a chain of two joints. The radius of the ball is `share` of the smallest distance of its centre
+    from the rod, which is computed on a grid of joint positions. A single sample does not find the contact."""
+    monkeypatch.setattr(collision_matrix, "SAMPLES", 1)
+    random = np.random.default_rng(3)
+    axes = [one / np.linalg.norm(one) for one in random.normal(size=(2, 3))]
+    origins, middle, ball = random.uniform(-0.1, 0.1, (2, 3)), np.array([0.05, -0.03, 0.04]), np.array([-0.25, 0.3, 0.3])
+    ends = {"revolute": (-0.9, 1.3), "prismatic": (-0.05, 0.08), "continuous": (-math.pi, math.pi)}
+    x, y = (values.ravel() for values in np.meshgrid(*(np.linspace(*ends[kind], 121) for kind in (first, second)), indexing="ij"))
+    if follows:
+        multiplier, start = (float(word) for word in re.findall(r'(?:multiplier|offset)="(.*?)"', follows))
+        y = multiplier * x + start
+
+    def place(point: Any) -> Any:
+        at = np.tile(point, (len(x), 1))
+        for kind, axis, origin, q in ((second, axes[1], origins[1], y), (first, axes[0], origins[0], x)):
+            at = origin + (at + np.outer(q, axis) if kind == "prismatic" else Rotation.from_rotvec(np.outer(q, axis)).apply(at))
+        return at
+
+    low, high = (place(middle + [0.0, 0.0, end]) for end in (-0.1, 0.1))
+    along = np.clip(((ball - low) * (high - low)).sum(axis=1) / 0.04, 0.0, 1.0)
+    nearest = float(np.linalg.norm(low + along[:, None] * (high - low) - ball, axis=1).min())
+    rod = f'<origin xyz="{" ".join(map(str, middle))}"/><geometry><box size="1e-5 1e-5 0.2"/></geometry>'
+    joints = "".join(
+        f'<joint name="j{k}" type="{kind}"><origin xyz="{" ".join(map(str, origins[k]))}"/><parent link="c{k}"/><child link="c{k + 1}"/>'
+        f'<axis xyz="{" ".join(map(str, axes[k]))}"/>{limit(*ends[kind]) if kind != "continuous" else limit(-1e9, 1e9)}'
+        f'{follows if k else ""}</joint>' for k, kind in enumerate((first, second))
+    )
+    links = f'{sphere(0, " ".join(map(str, ball)), share * nearest)}<link name="c1"/><link name="c2"><collision>{rod}</collision></link>'
+    tree = element(ElementTree.fromstring(f'<robot name="r">{links}{joints}</robot>'))
+    matrix = collision_matrix.collision_matrix(tree, "meshes", (), {}, (), Store(str(tmp_path)))
+    assert matrix.counts == {} and matrix.apart == {("c0", "c2"): share < 1.0}
+
+
+def sphere(number: int, place: str | None, radius: float) -> str:
+    """Link `c0`, `c1` ... with a sphere, or without a shape if it has no place."""
+    shape = f'<collision><origin xyz="{place}"/><geometry><sphere radius="{radius}"/></geometry></collision>'
+    return f'<link name="c{number}">{shape if place else ""}</link>'
+
+
+def limit(lower: float, upper: float) -> str:
+    return f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/>'
+
+
+def element(node: ElementTree.Element) -> Element:
+    return Element(tag=node.tag, attributes=dict(node.attrib), children=[element(child) for child in node])
+
+
+@pytest.mark.parametrize(("radius", "apart"), [(0.035, False), (0.041, True)])
+def test_thin_vane_that_sweeps_past_a_pin_is_not_reported_as_never(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, radius: float, apart: bool,
+) -> None:
+    """A vane of 0.2 mm reaches from the axis to 40 mm, and meets a pin with a radius of 0.25 mm unless the pin is farther away. Between two
+    of 50 samples, the vane moves by 5 mm on average."""
+    monkeypatch.setattr(collision_matrix, "SAMPLES", 50)
+    pin = sphere(0, f"{0.6 * radius} {0.8 * radius} 0", 0.00025).replace("<sphere", '<cylinder length="0.02"')
+    vane = '<link name="c2"><collision><origin xyz="0.02 0 0"/><geometry><box size="0.04 0.0002 0.002"/></geometry></collision></link>'
+    joints = "".join(
+        f'<joint name="j{k}" type="{kind}"><parent link="c{k}"/><child link="c{k + 1}"/><axis xyz="0 0 1"/>{limit(-3.0, 3.0)}</joint>'
+        for k, kind in enumerate(("revolute", "fixed"))
+    )
+    tree = element(ElementTree.fromstring(f'<robot name="r">{pin}<link name="c1"/>{vane}{joints}</robot>'))
+    matrix = collision_matrix.collision_matrix(tree, "meshes", (), {}, (), Store(str(tmp_path)))
+    assert matrix.counts == {} and matrix.apart == {("c0", "c2"): apart}
+
+
+@pytest.mark.parametrize(("kind", "follows"), [("prismatic", ""), ("continuous", '<mimic joint="j0" multiplier="0.5" offset="0"/>')])
+def test_joints_with_an_infinite_range_are_not_proved(tmp_path: Path, kind: str, follows: str) -> None:
+    """A slide without limits may leave the sampled range. A joint with half of the angle of another joint repeats after two turns."""
+    links = "".join(sphere(k, None if k == 1 else "0 0 0", 0.01) for k in range(3))
+    joints = "".join(
+        f'<joint name="j{k}" type="{kind}"><origin xyz="{1.0 - 0.5 * k} 0 0"/><parent link="c{k}"/><child link="c{k + 1}"/>'
+        f'<axis xyz="0 0 1"/>{limit(-1e9, 1e9)}{follows if k else ""}</joint>' for k in range(2)
+    )
+    tree = element(ElementTree.fromstring(f'<robot name="r">{links}{joints}</robot>'))
+    assert collision_matrix.collision_matrix(tree, "meshes", (), {}, (), Store(str(tmp_path))).apart == {}
 
 
 def test_excluded_pairs_have_reason_user(tmp_path: Path) -> None:

@@ -3,6 +3,9 @@
 MuJoCo searches for contacts at a fixed set of random configurations. The search uses the URDF of the mode. MuJoCo uses the convex hull of
 each mesh for collisions. Therefore, collisions of non-convex meshes may be reported that do not exist. However, no collision in a sampled
 configuration is missed.
+
+Between samples, a collision of thin shapes can be missed. Pairs that collide in no sample are therefore compared in all configurations if
+few joints move them, by the method of `thingc.model.solids.clearance`. That module compares exact shapes, and needs ten times as long.
 """
 
 from __future__ import annotations
@@ -10,7 +13,9 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections import deque
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -29,8 +34,15 @@ from thingc.targets.xml_writer import Element, write
 SAMPLES = 10_000
 SEED = 0
 
-DOCUMENT_KIND = "links-meeting"
+DOCUMENT_KIND = "collision-matrix"
 """Kind of the JSON documents in the store that contain collision matrices."""
+
+PROVED = 2
+"""Largest number of independent joints between two links for which all configurations are compared."""
+RESOLUTION = 1e-5
+"""Gap [m] below which two shapes count as colliding. It is greater than the errors of the distances that MuJoCo computes."""
+MOST = 5_000
+"""Largest number of configurations in which pairs are compared after sampling, which takes about half a second."""
 
 MEMORY = 1 << 26
 """Size of the memory arena of MuJoCo [bytes]. This size suffices for the contacts of any robot whose links do not overlap heavily."""
@@ -42,12 +54,15 @@ class CollisionMatrix(FrozenStruct):
     """A collision matrix: a table of the pairs of links that collide.
 
     The table contains, for each pair, the number of configurations out of `samples` in which the links collide. Pairs of links that never
-    collide are omitted. `at` contains the pairs that collide in each named configuration. The two names in a pair are sorted.
+    collide are omitted. `at` contains the pairs that collide in each named configuration. `apart` contains the pairs that were compared in
+    all configurations: True for a pair that never collides, and False for a pair that collides between the samples. The two names in a
+    pair are sorted.
     """
 
     samples: int
     counts: dict[Pair, int]
     at: dict[str, frozenset[Pair]]
+    apart: dict[Pair, bool]
 
 
 def adjacent(assembly: Assembly) -> frozenset[Pair]:
@@ -88,11 +103,13 @@ def collision_matrix(
         result = {
             "samples": sampler.samples, "counts": [[*pair, count] for pair, count in sorted(counts.items())],
             "at": {name: sorted(pairs) for name, pairs in by_configuration.items()},
+            "apart": [[*pair, apart] for pair, apart in sampler.compare_always({*counts, *neighbours})],
         }
         store.put_json(DOCUMENT_KIND, key, result)
     return CollisionMatrix(
         samples=result["samples"], counts={(first, second): count for first, second, count in result["counts"]},
         at={name: frozenset((first, second) for first, second in pairs) for name, pairs in result["at"].items()},
+        apart={(first, second): apart for first, second, apart in result["apart"]},
     )
 
 
@@ -137,7 +154,8 @@ class _Sampler:
     """Searches for collisions in configurations of a MuJoCo model.
 
     `free` contains the independent joints. Each entry k of qpos is `multiplier[k] * q[leader[k]] + offset[k]`, where q contains the
-    positions of the independent joints.
+    positions of the independent joints. Row k of `ranges` contains the limits of the independent joint k, or one turn if it has no limits
+    (`unlimited`).
     """
 
     def __init__(self, text: str, assets: Mapping[str, bytes], tree: Element, neighbours: Collection[Pair]) -> None:
@@ -161,16 +179,87 @@ class _Sampler:
             self.leader[address] = columns[mimic_values["joint"]]
             self.multiplier[address], self.offset[address] = float(mimic_values["multiplier"]), float(mimic_values["offset"])
         self.samples = SAMPLES if self.free else 1
+        self.ranges = np.array([self._sampled_range(joint) for joint in self.free.values()]).reshape(-1, 2)
+        self.unlimited = np.array([_limits(joint) != tuple(ends) for joint, ends in zip(self.free.values(), self.ranges, strict=True)])
 
     def counts(self) -> dict[Pair, int]:
         """Return the number of configurations in which each pair of links collides. Independent joints are sampled between their limits."""
         samples = np.random.Generator(np.random.PCG64(SEED)).random((self.samples, len(self.free)))
-        limits = np.array([self._sampled_range(joint) for joint in self.free.values()]).reshape(-1, 2)
-        return self._count_collisions(limits[:, 0] + samples * (limits[:, 1] - limits[:, 0]))
+        return self._count_collisions(self.ranges[:, 0] + samples * (self.ranges[:, 1] - self.ranges[:, 0]))
 
     def at(self, q: Mapping[str, float]) -> Collection[Pair]:
         """Return the pairs of links that collide in one configuration. `q` contains the values of the joints, by name."""
         return self._count_collisions(np.array([[q[name] for name in self.free]])).keys()
+
+    def compare_always(self, skipped: Collection[Pair]) -> Iterator[tuple[Pair, bool]]:
+        """Yield pairs of links and whether they are apart in all configurations, until `MOST` configurations have been compared.
+
+        Pairs in `skipped`, and pairs that move in too many ways, are omitted.
+        """
+        configurations = iter(range(MOST))
+        bodies = {self.model.body(body).name: body for body in set(self.model.geom_bodyid.tolist())}
+        for first, second in combinations(sorted(bodies), 2):
+            if (first, second) not in skipped:
+                apart = self._are_apart(bodies[first], bodies[second], configurations)
+                if apart is not None:
+                    yield (first, second), apart
+
+    def _are_apart(self, first: int, second: int, configurations: Iterator[int]) -> bool | None:
+        """Return whether two bodies are apart in all configurations.
+
+        Return None if this is unknown because more than `PROVED` independent joints move the bodies, because the configurations are not
+        periodic in a joint without limits, or because no more `configurations` may be compared.
+
+        The configurations are divided into boxes. In a box, the distance of two shapes is at least their distance in the middle minus the
+        longest path of a point of one shape relative to the other. If the joints move one after another, first the one that is next to the
+        other body, the distance of the shape from the axis of each joint is the distance in the middle.
+        """
+        import mujoco
+        model, data = self.model, self.data
+        joints = np.array(sorted(self._joints_above(first) ^ self._joints_above(second)), dtype=int)
+        addresses, hinge = model.jnt_qposadr[joints], model.jnt_type[joints] == int(mujoco.mjtJoint.mjJNT_HINGE)
+        leader, multiplier = self.leader[addresses], self.multiplier[addresses]
+        moving = np.unique(leader)
+        if len(moving) > PROVED or (self.unlimited[leader] & ~(hinge & (multiplier % 1.0 == 0.0))).any():
+            return None
+        low, high = self.ranges.T if self.free else np.zeros((2, 1))
+        geoms = np.array([(a, b) for a in self._geoms(first) for b in self._geoms(second)])
+        waiting = deque([((low + high) / 2.0, (high - low) / 2.0, geoms)])
+        while waiting:
+            middle, half, pairs = waiting.popleft()
+            if next(configurations, None) is None:
+                return None
+            data.qpos[:] = middle[self.leader] * self.multiplier + self.offset
+            mujoco.mj_kinematics(model, data)
+            centres, radii = data.geom_xpos[pairs.T], model.geom_rbound[pairs.T]
+            arms = centres[:, None] - data.xanchor[joints][:, None]
+            along = (arms * data.xaxis[joints][:, None]).sum(axis=3)
+            speeds = np.where(hinge[:, None], np.sqrt(np.maximum((arms**2).sum(axis=3) - along**2, 0.0)) + radii[:, None], 1.0)
+            paths = speeds * (half[leader] * np.abs(multiplier))[:, None]
+            required = paths.sum(axis=1).min(axis=0) + RESOLUTION
+            undecided = np.linalg.norm(centres[0] - centres[1], axis=1) - radii.sum(axis=0) < required
+            for k in np.flatnonzero(undecided):
+                gap = mujoco.mj_geomDistance(model, data, *pairs[k].tolist(), required[k], None)
+                if gap < RESOLUTION:
+                    return False
+                undecided[k] = gap < required[k]
+            if undecided.any():
+                widest = max(moving, key=lambda one: float(paths[:, leader == one].sum(axis=1).min(axis=0).max()))
+                width = np.where(np.arange(len(half)) == widest, half / 2.0, 0.0)
+                waiting += [(middle + sign * width, half - width, pairs[undecided]) for sign in (-1.0, 1.0)]
+        return True
+
+    def _geoms(self, body: int) -> list[int]:
+        return list(range(self.model.body_geomadr[body], self.model.body_geomadr[body] + self.model.body_geomnum[body]))
+
+    def _joints_above(self, body: int) -> set[int]:
+        """Return the joints between a body and the root."""
+        joints: set[int] = set()
+        while body:
+            start = int(self.model.body_jntadr[body])
+            joints.update(range(start, start + int(self.model.body_jntnum[body])))
+            body = int(self.model.body_parentid[body])
+        return joints
 
     def _count_collisions(self, q: NDArray[np.float64]) -> dict[Pair, int]:
         """Count the configurations in which each pair of links collides.
@@ -199,9 +288,7 @@ class _Sampler:
         A rotating joint without limits is sampled over one full turn. A sliding joint without limits is sampled over the size of the
         robot in both directions.
         """
-        limit = joint.find("limit")
-        assert limit is not None
-        lower, upper = (float(limit.get(name, str(end))) for name, end in (("lower", -UNBOUNDED), ("upper", UNBOUNDED)))
+        lower, upper = _limits(joint)
         span = 2.0 * math.pi if joint.get("type") != "prismatic" else 2.0 * float(self.model.stat.extent)
         if lower <= -UNBOUNDED and upper >= UNBOUNDED:
             return -span / 2.0, span / 2.0
@@ -209,3 +296,11 @@ class _Sampler:
             return upper - span, upper
         return (lower, lower + span) if upper >= UNBOUNDED else (lower, upper)
 
+
+
+def _limits(joint: Element) -> tuple[float, float]:
+    """Return the limits [rad or m] of a joint."""
+    limit = joint.find("limit")
+    assert limit is not None
+    lower, upper = (float(limit.get(name, str(end))) for name, end in (("lower", -UNBOUNDED), ("upper", UNBOUNDED)))
+    return lower, upper

@@ -50,8 +50,11 @@ def emit(request: EmitRequest) -> Artifacts:
     files: dict[str, Content] = {f"{MESHES}/{file}": stored for file, stored in geometry.assets.items()}
     for robot, tree in zip(robots, trees, strict=True):
         file, mode_comment = f"{assembly.name}_{robot.mode.name}", heading(document, robot.mode.name)
-        semantics = srdf(robot, colliding_links, matrices.get(robot.mode.name), request.report)
-        files[f"config/{file}.srdf"] = write(semantics, mode_comment, sections=False).text.encode()
+        matrix = matrices.get(robot.mode.name)
+        semantics = srdf(robot, colliding_links, matrix, request.report)
+        proved = ", ".join(" and ".join(pair) for pair, apart in matrix.apart.items() if apart) if matrix is not None else ""
+        pairs_comment = f' Proved with the reason "Never" for all positions of the joints: {proved}.' if proved else ""
+        files[f"config/{file}.srdf"] = write(semantics, mode_comment + pairs_comment, sections=False).text.encode()
         control = ros2_control(robot)
         if control is not None:
             tree.children.append(control)

@@ -125,5 +125,5 @@ def _unchecked_pairs(robot: Robot, colliding_links: frozenset[str], collisions: 
             yield first, second, "Default"
         elif collisions.counts.get(pair, 0) >= ALWAYS * collisions.samples:
             yield first, second, "Always"
-        elif pair not in collisions.counts:
+        elif pair not in collisions.counts and collisions.apart.get(pair, True):
             yield first, second, "Never"
