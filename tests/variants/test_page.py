@@ -142,7 +142,7 @@ def test_killed_renderer_is_reported(stands: Path, tmp_path: Path) -> None:
             if "thingc.batch.thumbnails" in child.cmdline():
                 child.kill()
 
-    warning = draw(str(folder), "default", None, most=6, on_picture=kill)
+    warning = draw(str(folder), "default", None, max_pictures=6, on_picture=kill)
     assert warning is not None and warning.code is Code.NO_GRAPHICS
     assert warning.message == (
         "pictures are missing on the page of the batch: the rendering process failed: it was terminated by SIGKILL"

@@ -202,7 +202,7 @@ class _Batch:
         create_subfolders(self.folder, self.layout)
 
     def _description(self, *, finished: bool, table_columns: Sequence[Column] = ()) -> dict[str, Any]:
-        return describe(self.plan, layout=self.layout, asked=self.count, finished=finished, table_columns=table_columns)
+        return describe(self.plan, layout=self.layout, requested=self.count, finished=finished, table_columns=table_columns)
 
     def journal(self) -> Journal | PackedWriter:
         """Open the journal of the batch, in which a line is recorded for each finished variant."""
@@ -293,8 +293,8 @@ class _Batch:
         Return a warning if this machine cannot render pictures.
         """
         return show(
-            self.folder, self._description(finished=True), self._columns(), most=usual(self.count) if pictures is None else pictures,
-            jobs=os.cpu_count() or 1, on_picture=on_picture,
+            self.folder, self._description(finished=True), self._columns(),
+            max_pictures=usual(self.count) if pictures is None else pictures, jobs=os.cpu_count() or 1, on_picture=on_picture,
         )
 
     def _columns(self) -> tuple[Column, ...]:

@@ -38,11 +38,12 @@ def in_order(folder: str) -> Iterator[Line]:
         yield from map(chunk.line, chunk.indices)
 
 
-def sample_records(folder: str, most: int) -> tuple[int, Iterator[Line]]:
-    """Return the number of finished variants of a batch, and an iterator over at most `most` of their journal lines, evenly spaced."""
+def sample_records(folder: str, max_records: int) -> tuple[int, Iterator[Line]]:
+    """Return the number of finished variants of a batch, and an iterator over at most `max_records` of their journal lines, evenly
+    spaced."""
     records = BuildRecords(folder)
     count = len(records.done)
-    places = range(count) if count <= most else (k * count // most for k in range(most))
+    places = range(count) if count <= max_records else (k * count // max_records for k in range(max_records))
     return count, (records.line(records.done[place]) for place in places)
 
 

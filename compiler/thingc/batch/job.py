@@ -87,15 +87,15 @@ def refusal(fault: OSError) -> str:
     return f"`{fault.filename}`: {reason}" if fault.filename is not None else reason
 
 
-def describe(plan: Plan, *, layout: str, asked: int, finished: bool, table_columns: Sequence[Column] = ()) -> dict[str, Any]:
+def describe(plan: Plan, *, layout: str, requested: int, finished: bool, table_columns: Sequence[Column] = ()) -> dict[str, Any]:
     """Return the content of the file `batch.json`, which describes a batch.
 
-    `asked` is the number of variants to build, counted from the first variant of the plan. `table_columns` contains the columns of the
+    `requested` is the number of variants to build, counted from the first variant of the plan. `table_columns` contains the columns of the
     table of a finished batch.
     """
     return {
         "name": plan.name, "document": plan.relative, "sha256": plan.sha256, "assembly": plan.assembly_relative,
-        "plan": plan.digest, "count": plan.count, "asked": asked, "layout": layout, "inputs": dict(plan.inputs),
+        "plan": plan.digest, "count": plan.count, "asked": requested, "layout": layout, "inputs": dict(plan.inputs),
         "versions": dict(versions()),
         "emit": list(plan.emit), "modes": list(plan.modes), "pose": plan.pose,
         "reach": list(plan.reach) if plan.reach is not None else None, "finished": finished,

@@ -115,10 +115,10 @@ def parameter_columns(plan: Plan) -> list[Column]:
 
 
 def show(
-    folder: str, described: Mapping[str, Any], columns: Sequence[Column], *, most: int, jobs: int,
+    folder: str, described: Mapping[str, Any], columns: Sequence[Column], *, max_pictures: int, jobs: int,
     on_picture: OnPicture | None = None,
 ) -> Diagnostic | None:
-    """Render pictures of at most `most` variants, and write the HTML page of the batch.
+    """Render pictures of at most `max_pictures` variants, and write the HTML page of the batch.
 
     Return a warning if this machine cannot render pictures. Ctrl-C ends only the rendering of pictures. After Ctrl-C, the page shows the
     pictures that are finished. Raises `OSError` if writing fails.
@@ -126,7 +126,7 @@ def show(
     warning = None
     clear_state(folder, folder_layout.PAGE)
     try:
-        warning = draw(folder, described["modes"][0], described["pose"], most=most, jobs=jobs, on_picture=on_picture)
+        warning = draw(folder, described["modes"][0], described["pose"], max_pictures=max_pictures, jobs=jobs, on_picture=on_picture)
     except KeyboardInterrupt:
         pass
     write_page(folder, described, columns)
@@ -151,7 +151,7 @@ def show_again(
             check_chunks(folder, described)
             table_columns = columns(parameter_columns(plan), plan.choice_paths, lengths_in(folder))
             most = usual(described["count"]) if pictures is None else pictures
-            warning = show(folder, described, table_columns, most=most, jobs=jobs or os.cpu_count() or 1, on_picture=on_picture)
+            warning = show(folder, described, table_columns, max_pictures=most, jobs=jobs or os.cpu_count() or 1, on_picture=on_picture)
     except OSError as fault:
         raise explain_os_error(folder, fault) from fault
     return os.path.join(folder, folder_layout.PAGE), warning

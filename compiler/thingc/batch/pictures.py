@@ -39,8 +39,8 @@ def usual(count: int) -> int:
     return MOST if count <= MANY else 0
 
 
-def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
-    """Choose `most` variants that cover the ranges of the settings evenly, and return their indices in ascending order.
+def along_the_axes(settings: Sequence[Sequence[Any]], max_pictures: int) -> list[int]:
+    """Choose `max_pictures` variants that cover the ranges of the settings evenly, and return their indices in ascending order.
 
     For each setting, the choice includes the variants that are nearest to a straight line. On the line of a setting, this setting changes
     from its first to its last value, while all other settings have middle values. If these variants include all values, further variants
@@ -52,15 +52,15 @@ def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
     ranked = [_ranks(column) for column in zip(*settings, strict=True)]
     axes = [list(ranks) for ranks in dict.fromkeys(tuple(ranks) for ranks in ranked if max(ranks) > 0.0)]
     if not axes:
-        return [k * len(settings) // most for k in range(most)]
-    shares = [min(most // len(axes) + (number < most % len(axes)), len(set(axis))) for number, axis in enumerate(axes)]
+        return [k * len(settings) // max_pictures for k in range(max_pictures)]
+    shares = [min(max_pictures // len(axes) + (number < max_pictures % len(axes)), len(set(axis))) for number, axis in enumerate(axes)]
     remaining = dict.fromkeys(range(len(settings)))
     for axis, share in zip(axes, shares, strict=True):
         distances = [sum_of((other[k] - 0.5) ** 2 for other in axes if other is not axis) for k in range(len(settings))]
         for step in range(share):
             target = step / (share - 1) if share > 1 else 0.5
             del remaining[min(remaining, key=lambda k: (distances[k] + (axis[k] - target) ** 2, k))]
-    others, missing = list(remaining), most - sum(shares)
+    others, missing = list(remaining), max_pictures - sum(shares)
     for k in range(missing):
         del remaining[others[k * len(others) // missing]]
     return [k for k in range(len(settings)) if k not in remaining]
@@ -82,8 +82,8 @@ def _model(files: VariantFiles, mode: str) -> str | None:
     return models[0] if models else None
 
 
-def _choose_models(folder: str, mode: str, most: int, scratch: str) -> list[tuple[str, str]]:
-    """Choose at most `most` built variants for pictures, and return the id and the path of the model of each variant.
+def _choose_models(folder: str, mode: str, max_pictures: int, scratch: str) -> list[tuple[str, str]]:
+    """Choose at most `max_pictures` built variants for pictures, and return the id and the path of the model of each variant.
 
     The function `along_the_axes` makes the choice from the settings of the variants. Variants without a model in the mode are omitted. The
     meshes of a model are in the same folder. For a packed batch, the files are written to the folder `scratch`.
@@ -92,7 +92,7 @@ def _choose_models(folder: str, mode: str, most: int, scratch: str) -> list[tupl
     lines = map(records.line, records.built)
     settings = [(*line["parameters"].values(), *line["choices"].values()) for line in lines]
     models: list[tuple[str, str]] = []
-    for k in range(len(settings)) if len(settings) <= most else along_the_axes(settings, most):
+    for k in range(len(settings)) if len(settings) <= max_pictures else along_the_axes(settings, max_pictures):
         id, files = str(records.line(records.built[k])["id"]), records.files(records.built[k])
         name = _model(files, mode)
         if name is None:
@@ -107,7 +107,7 @@ def _choose_models(folder: str, mode: str, most: int, scratch: str) -> list[tupl
 
 
 def draw(
-    folder: str, mode: str, pose: str | None, *, most: int = MOST, jobs: int = 1, on_picture: OnPicture | None = None,
+    folder: str, mode: str, pose: str | None, *, max_pictures: int = MOST, jobs: int = 1, on_picture: OnPicture | None = None,
 ) -> Diagnostic | None:
     """Render all pictures of a batch again, in at most `jobs` processes. Return a warning if this machine cannot render pictures.
 
@@ -116,7 +116,7 @@ def draw(
     """
     place = os.path.join(folder, folder_layout.PICTURES)
     with tempfile.TemporaryDirectory(prefix="thingc-pictures-") as scratch:
-        return _draw(place, pose, _choose_models(folder, mode, most, scratch) if most != 0 else (), jobs, on_picture)
+        return _draw(place, pose, _choose_models(folder, mode, max_pictures, scratch) if max_pictures != 0 else (), jobs, on_picture)
 
 
 def _draw(place: str, pose: str | None, shots: Sequence[tuple[str, str]], jobs: int, on_picture: OnPicture | None) -> Diagnostic | None:

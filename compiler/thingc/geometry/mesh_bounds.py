@@ -43,21 +43,21 @@ def damaged_file_error(suffix: str, fault: Exception) -> BadMesh:
     return BadMesh(f"is damaged, or is not {suffix[1:].upper()}" + ("" if is_internal else f" ({message})"))
 
 
-def read_bounded(path: str, suffix: str, most: int = MOST) -> bytes:
+def read_bounded(path: str, suffix: str, limit: int = MOST) -> bytes:
     """Read the bytes of a mesh file, and check its size and the number of triangles that it declares.
 
     Raises `OSError` if the file cannot be read, and `BadMesh` if the file is not a valid mesh.
     """
     with open(path, "rb") as stream:
         data = stream.read(LARGEST + 1)
-    check_mesh_file(suffix, data, most)
+    check_mesh_file(suffix, data, limit)
     return data
 
 
-def check_mesh_file(suffix: str, data: bytes, most: int = MOST) -> None:
+def check_mesh_file(suffix: str, data: bytes, limit: int = MOST) -> None:
     """Check the content of a mesh file before it is parsed.
 
-    Raises `BadMesh` if the file is empty, too large or truncated. Also raises `BadMesh` if the file declares more than `most` triangles or
+    Raises `BadMesh` if the file is empty, too large or truncated. Also raises `BadMesh` if the file declares more than `limit` triangles or
     too many objects.
     """
     declared: int | None = None
@@ -85,13 +85,13 @@ def check_mesh_file(suffix: str, data: bytes, most: int = MOST) -> None:
             _unfold_collada(ElementTree.fromstring(data))
     elif suffix in (".glb", ".gltf"):
         declared = _declared_by_gltf(data if suffix == ".gltf" else data[20 : 20 + int.from_bytes(data[12:16], "little")])
-    refuse_beyond(declared or 0, most)
+    refuse_beyond(declared or 0, limit)
 
 
-def refuse_beyond(count: int, most: int = MOST, what: str = "triangles") -> None:
-    """Raise `BadMesh` if a mesh has more than `most` elements, such as triangles."""
-    if count > most:
-        raise BadMesh(f"has {count} {what}, but at most {most} are supported")
+def refuse_beyond(count: int, limit: int = MOST, what: str = "triangles") -> None:
+    """Raise `BadMesh` if a mesh has more than `limit` elements, such as triangles."""
+    if count > limit:
+        raise BadMesh(f"has {count} {what}, but at most {limit} are supported")
 
 
 def is_text(stl: bytes) -> bool:

@@ -70,11 +70,11 @@ class PartRequests:
         defaults = {parameter.name: parameter.default for parameter in schema.parameters} if schema is not None else {}
         return {name: value for name, value in definition.parameters if repr(value) != repr(defaults.get(name))}
 
-    def expect_slicings(self, definitions: Sequence[PartDefinition], wanted: Mapping[str, Collection[LikelySlicing]]) -> None:
-        """Set the slicings that parts will need. `wanted` maps the text of a definition to its slicings."""
+    def expect_slicings(self, definitions: Sequence[PartDefinition], requested: Mapping[str, Collection[LikelySlicing]]) -> None:
+        """Set the slicings that parts will need. `requested` maps the text of a definition to its slicings."""
         self.slicings.update((definition.reference, set()) for definition in definitions)
         for definition in definitions:
-            self.slicings[definition.reference].update(wanted.get(definition.text, ()))
+            self.slicings[definition.reference].update(requested.get(definition.text, ()))
 
     def complete(self, requests: Sequence[RecordRequest], likely: Likely) -> list[RecordRequest]:
         """Add the slicings and the reasons to requests, and return the requests in the order in which workers process them.

@@ -67,11 +67,11 @@ class PartSource(Protocol):
 
     def slice(
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
-        wanted: Mapping[str, Collection[Slicing]],
+        requested: Mapping[str, Collection[Slicing]],
     ) -> Mapping[str, PartRecord | PartFailure]:
         """Slice parts for printing, and return their records with the resulting slices, keyed by definition text.
 
-        `wanted` contains the slicings to compute for each definition text. If the slices of a record are not available, the returned
+        `requested` contains the slicings to compute for each definition text. If the slices of a record are not available, the returned
         record is not `exact`.
         """
 

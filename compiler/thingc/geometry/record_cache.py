@@ -119,13 +119,13 @@ class ConvexAnswers:
                 elif isinstance(record, PartRecord):
                     records[text] = replace(record, convex={**record.convex, most: answer})
 
-    def pieces(self, wanted: Collection[tuple[str, int]]) -> dict[tuple[str, int], tuple[Mesh, ...] | PartFailure]:
+    def pieces(self, requested: Collection[tuple[str, int]]) -> dict[tuple[str, int], tuple[Mesh, ...] | PartFailure]:
         """Return the convex pieces of meshes, each with the largest number of pieces (0 for any number)."""
         store = self._calls.store
-        version = "".join(self._versions().values()) if wanted else ""
+        version = "".join(self._versions().values()) if requested else ""
         pieces: dict[tuple[str, int], tuple[Mesh, ...] | PartFailure] = {}
         requests = []
-        for mesh, most in wanted:
+        for mesh, most in requested:
             cached = convert(store.get_json(CONVEX, f"{version} {mesh} {most}"), tuple[Mesh, ...] | None)
             if cached is not None and all(store.has(piece.sha256, piece.size) for piece in cached):
                 pieces[mesh, most] = cached

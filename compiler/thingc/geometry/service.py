@@ -393,19 +393,19 @@ class GeometryService:
 
     def slice(
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
-        wanted: Mapping[str, Collection[Slicing]],
+        requested: Mapping[str, Collection[Slicing]],
     ) -> dict[str, PartRecord | PartFailure]:
         """Slice parts for printing, and return their records with the resulting slices, keyed by definition text.
 
-        `wanted` contains the slicings to compute for each definition text. `records` contains the part records before slicing.
+        `requested` contains the slicings to compute for each definition text. `records` contains the part records before slicing.
         """
-        from_lock = [definition for definition in definitions if definition.text in lacking(records, wanted)]
+        from_lock = [definition for definition in definitions if definition.text in lacking(records, requested)]
         if from_lock:
             decisions = self.decisions
             records = {**records, **self.realize(from_lock, locked=False)}
             self.decisions = {**decisions, **self.decisions}
-        self._requests.expect_slicings(definitions, {text: [(one, False) for one in slicings] for text, slicings in wanted.items()})
-        return self._slices.add_slices(records, wanted)
+        self._requests.expect_slicings(definitions, {text: [(one, False) for one in slicings] for text, slicings in requested.items()})
+        return self._slices.add_slices(records, requested)
 
     # --- assemble ------------------------------------------------------------------------------------------------
 

@@ -31,13 +31,13 @@ class SliceCache:
         self._results: dict[tuple[str, Slicing], SliceResult | SliceFailure] = {}
         self._sliced: dict[str, tuple[PartRecord, frozenset[Slicing], PartRecord]] = {}
 
-    def add_slices(self, records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]]) -> Records:
-        """Return part records with the slices that `wanted` lists, keyed by definition text.
+    def add_slices(self, records: Mapping[str, PartRecord | PartFailure], requested: Mapping[str, Collection[Slicing]]) -> Records:
+        """Return part records with the slices that `requested` lists, keyed by definition text.
 
         Slices that are not in the store are computed. Records without a mesh are unchanged.
         """
         sliced: Records = dict(records)
-        texts = {text: frozenset(slicings) for text, slicings in wanted.items() if slicings and _lacks(records.get(text), slicings)}
+        texts = {text: frozenset(slicings) for text, slicings in requested.items() if slicings and _lacks(records.get(text), slicings)}
         missing: dict[tuple[str, Slicing], list[str]] = {}
         for text, slicings in texts.items():
             for slicing in slicings:
@@ -104,9 +104,9 @@ class SliceCache:
         return last[2]
 
 
-def lacking(records: Mapping[str, PartRecord | PartFailure], wanted: Mapping[str, Collection[Slicing]]) -> list[str]:
-    """Return the definition texts of the records that lack slices listed in `wanted` and have no mesh that can be sliced."""
-    return [text for text, slicings in wanted.items() if _lacks(records.get(text), slicings) and not _mesh(records[text])]
+def lacking(records: Mapping[str, PartRecord | PartFailure], requested: Mapping[str, Collection[Slicing]]) -> list[str]:
+    """Return the definition texts of the records that lack slices listed in `requested` and have no mesh that can be sliced."""
+    return [text for text, slicings in requested.items() if _lacks(records.get(text), slicings) and not _mesh(records[text])]
 
 
 def _lacks(record: PartRecord | PartFailure | None, slicings: Collection[Slicing]) -> bool:

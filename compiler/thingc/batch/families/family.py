@@ -199,10 +199,10 @@ class RobotFamily:
         from thingc.driver.output import OutputError, write_build
         from thingc.geometry.store.local import BlobMissing
 
-        given, parsed = self._read(settings)
+        assigned, parsed = self._read(settings)
         if parsed.report is not None:
             return tuple(parsed.report.sorted_diagnostics())
-        document_settings = self._reader.settings(parsed, self._numbers.units, self._reader.original_texts(given))
+        document_settings = self._reader.settings(parsed, self._numbers.units, self._reader.original_texts(assigned))
         named = emit if isinstance(emit, Iterable) and not isinstance(emit, str) else (emit,)
         builds = self._builds_of(tuple(map(str, named)))
         store = self._session.environment.store
@@ -222,14 +222,14 @@ class RobotFamily:
         """Return a `Modes` object for the robot with the given settings, which switches between modes at run time."""
         from thingc.modes import Modes
 
-        given, parsed = self._read(settings)
+        assigned, parsed = self._read(settings)
         if parsed.report is not None:
-            return NoModel(settings=given, problems=tuple(parsed.report.sorted_diagnostics()))
+            return NoModel(settings=assigned, problems=tuple(parsed.report.sorted_diagnostics()))
         chosen = tuple(map(self._mode_name, modes or self.modes))
         builds = self._planner(Builds, modes=chosen, targets=("mjcf",), emit=emit_alone, patience=2)
         files, problems = builds.build(self._reader.settings(parsed))
         described = files.get("modes.json")
-        return Modes.parse(described) if isinstance(described, bytes) else NoModel(settings=given, problems=problems)
+        return Modes.parse(described) if isinstance(described, bytes) else NoModel(settings=assigned, problems=problems)
 
     def adopt(self, settings: Mapping[str, Any] | Variant) -> tuple[Diagnostic, ...]:
         """Write settings into the assembly document, as the command `thingc set` does, and return the diagnostics.

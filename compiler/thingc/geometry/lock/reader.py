@@ -252,14 +252,14 @@ class LockOnlyGeometry:
 
     def slice(
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
-        wanted: Mapping[str, Collection[Slicing]],
+        requested: Mapping[str, Collection[Slicing]],
     ) -> dict[str, PartRecord | PartFailure]:
         """Return part records with slices from the lock file. If the slices of a record are missing, the record becomes inexact, and its
         label is added to `unknown`.
         """
         sliced = dict(records)
         labels = {definition.text: definition.label for definition in definitions}
-        for text in lacking(records, wanted):
+        for text in lacking(records, requested):
             record = sliced[text]
             if isinstance(record, PartRecord) and record.exact:
                 self.unknown.append(labels[text])

@@ -193,8 +193,8 @@ def _record_calls(cls: type[Any], init: Callable[..., None]) -> Callable[..., No
         construction = self._construction
         if construction.finished:
             raise AttributeError(f"`{cls.__name__}` is immutable: `__init__` cannot be called again")
-        given = family_signature(cls).bind(args, kwargs)
-        call = InitCall(family=cls, given=given, values={**given, **construction.adjustments.get(cls, {})})
+        arguments = family_signature(cls).bind(args, kwargs)
+        call = InitCall(family=cls, given=arguments, values={**arguments, **construction.adjustments.get(cls, {})})
         construction.calls.append(call)
         construction.running.append(call)
         _files.append(getattr(getattr(inspect.unwrap(init), "__code__", None), "co_filename", ""))

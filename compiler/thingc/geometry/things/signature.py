@@ -263,7 +263,7 @@ def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
     return annotation
 
 
-def _kind_of_annotation(annotation: Any, where: str, shown: str) -> tuple[str, float | None, float | None, tuple[Value, ...]]:
+def _kind_of_annotation(annotation: Any, where: str, text: str) -> tuple[str, float | None, float | None, tuple[Value, ...]]:
     """Read the kind, the minimum, the maximum and the choices of a parameter from its annotation.
 
     The bounds of nested `Annotated` types are combined.
@@ -286,7 +286,7 @@ def _kind_of_annotation(annotation: Any, where: str, shown: str) -> tuple[str, f
         kind = _PLAIN[annotation]
     else:
         raise SignatureError(
-            f"{where} cannot be a parameter: its annotation is `{shown}`, not Length, Angle, Mass, Count, Ratio, float, int, "
+            f"{where} cannot be a parameter: its annotation is `{text}`, not Length, Angle, Mass, Count, Ratio, float, int, "
             "bool, str or Literal[...]"
         )
     for mark in markers:

@@ -44,10 +44,10 @@ class _LimitedFile(io.RawIOBase):
 
     def write(self, data: Buffer, /) -> int:
         output = bytes(data)
-        kept, self._room = output[: self._room], self._room - min(self._room, len(output))
-        if kept:
+        text, self._room = output[: self._room], self._room - min(self._room, len(output))
+        if text:
             with contextlib.suppress(OSError), open(self._path, "ab") as stream:
-                stream.write(kept)
+                stream.write(text)
         return len(output)
 
 

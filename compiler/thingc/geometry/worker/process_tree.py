@@ -85,12 +85,12 @@ def command(process: int) -> str:
     return ""
 
 
-def exceeds(processes: Collection[int], most: int) -> bool:
-    """Return whether the given processes together use more than `most` bytes of memory.
+def exceeds(processes: Collection[int], limit: int) -> bool:
+    """Return whether the given processes together use more than `limit` bytes of memory.
 
     The exact memory, in which shared memory counts once, is only read if necessary.
     """
-    return all(_kilobytes(processes, *entry) * 1024 > most for entry in (("status", b"VmRSS:"), ("smaps_rollup", b"Pss:")))
+    return all(_kilobytes(processes, *entry) * 1024 > limit for entry in (("status", b"VmRSS:"), ("smaps_rollup", b"Pss:")))
 
 
 def _kilobytes(processes: Iterable[int], file: str, key: bytes) -> int:

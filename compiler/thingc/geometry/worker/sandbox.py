@@ -195,6 +195,6 @@ def _bound_processes() -> None:
     with contextlib.suppress(OSError, ValueError, IndexError), open("/proc/loadavg", "rb") as stream:
         running = int(stream.read().split()[3].partition(b"/")[2])
         _, hard = resource.getrlimit(resource.RLIMIT_NPROC)
-        most = running + 2 * PROCESSES
-        if hard == resource.RLIM_INFINITY or most < hard:
-            resource.setrlimit(resource.RLIMIT_NPROC, (most, most))
+        limit = running + 2 * PROCESSES
+        if hard == resource.RLIM_INFINITY or limit < hard:
+            resource.setrlimit(resource.RLIMIT_NPROC, (limit, limit))

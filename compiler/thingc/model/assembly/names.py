@@ -43,12 +43,12 @@ def names_of(tree: Tree, robot: Connected) -> FileNames | None:
     }
     joint_names = named.get("joints", {})
     for kind, those in things.items():
-        given = named.get(kind, {})
+        names = named.get(kind, {})
         if kind == "actuators":  # by default, an actuator has the same name as its joint or tendon
-            given = {joint.path: joint_names[joint.name.joint.replace(".", "/")] for joint in joints if joint.path in joint_names} | given
-            given = named.get("tendons", {}) | given
-        if given:
-            _check(those, given, tree.findings)
+            names = {joint.path: joint_names[joint.name.joint.replace(".", "/")] for joint in joints if joint.path in joint_names} | names
+            names = named.get("tendons", {}) | names
+        if names:
+            _check(those, names, tree.findings)
     by_kind = {kind: {path: name for path, (name, _) in those.items()} for kind, those in named.items()}
     return FileNames(**by_kind)
 
@@ -64,14 +64,14 @@ def _own(tree: Tree, path: str, one: NameInFiles, occurrences: Sequence[Occurren
     return None if place is None or place.index is None else occurrences[place.index].path
 
 
-def _check(things: Iterable[tuple[str, Origin]], given: Mapping[str, tuple[str, Origin]], findings: LinkReport) -> None:
+def _check(things: Iterable[tuple[str, Origin]], names: Mapping[str, tuple[str, Origin]], findings: LinkReport) -> None:
     """Report two elements of the same type, such as two joints or two links, that would have the same name in output files."""
     owners: dict[str, tuple[str, Origin]] = {}
     for path, origin in things:
-        name, where = given.get(path, (path, origin))
+        name, where = names.get(path, (path, origin))
         other, place = owners.setdefault(name, (path, where))
         if other != path:
-            mine = path in given
+            mine = path in names
             findings.error(
                 Code.SAME_NAME, f"`{other}` and `{path}` would both be named `{name}` in files", where if mine else place, path=path,
                 help="rename one of the two elements",

@@ -79,10 +79,10 @@ def _doubts(process: Process, keys: Collection[str]) -> Iterator[_Doubt]:
         ("layer", process.layer, HEIGHTS, USUAL_HEIGHTS, "layers are usually {} to {} high"),
     ):
         if key in keys and value is not None and not least <= value <= most:
-            meant = next((value * slip for slip in _SLIPS if usual[0] <= value * slip <= usual[1]), None)
+            intended = next((value * slip for slip in _SLIPS if usual[0] <= value * slip <= usual[1]), None)
             yield _Doubt(
                 key=key, words=f"`{key}` is {length_words(value)}: {words.format(length_words(least), length_words(most))}",
-                help="check the unit (`mm`, `um`)" if meant is None else f"probably `{length_words(meant)}` was meant",
+                help="check the unit (`mm`, `um`)" if intended is None else f"probably `{length_words(intended)}` was meant",
             )
     for key, count, most, unit, size, some in (
         ("walls", process.walls, WALLS, "lines side by side", process.line_width, "2 to 6"),

@@ -135,11 +135,11 @@ def _resolve_nested(context: ResolveRun, table: DocumentScope, node: ComponentSc
     if len(context.nesting) >= MAX_NESTING:
         scope.error(Code.TOO_MANY, f"assemblies are nested more than {MAX_NESTING} deep", path)
         return None
-    given = _given_values(context, node, relative, spec)
+    values = _given_values(context, node, relative, spec)
     context.nesting.append(relative)
     context.route.append(node.name)
     try:
-        return nest(context, relative, spec, given, choose.below(table.choices, str(node.path[-1]), node.name))
+        return nest(context, relative, spec, values, choose.below(table.choices, str(node.path[-1]), node.name))
     finally:
         context.nesting.pop()
         context.route.pop()

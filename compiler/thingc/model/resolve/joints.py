@@ -373,10 +373,10 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
         if low is not None and high is not None and not low < high:
             fault = "are reversed" if low > high else "are equal"
             lower, upper = ends.values()
-            shown = [scope.format_value(Quantity(q, coordinate), setting.path) for q, setting in ((low, lower), (high, upper))]
+            texts = [scope.format_value(Quantity(q, coordinate), setting.path) for q, setting in ((low, lower), (high, upper))]
             scope.error(
                 Code.LIMIT, f"limits of joint `{name}` {fault}: expected lower < upper, "
-                f"found {(', and ' if any(',' in one for one in shown) else ' and ').join(shown)}",
+                f"found {(', and ' if any(',' in one for one in texts) else ' and ').join(texts)}",
                 lower.path, help="swap the limits" if low > high else "widen the limits, or use `type: fixed`",
                 notes=scope.second_note("the upper limit is set here", upper.path, lower.path),
             )

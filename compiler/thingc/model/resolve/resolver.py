@@ -75,10 +75,10 @@ def resolve(
     )
     context.recall()
     context.nesting.append(root.relative)
-    given = from_command_line(context, spec, settings.parameters)
+    parameters = from_command_line(context, spec, settings.parameters)
     chosen = choose.from_command_line(context, settings.choices) if settings.choices else ()
     try:
-        table = resolve_assembly(context, root.relative, spec, given, chosen, top=True)
+        table = resolve_assembly(context, root.relative, spec, parameters, chosen, top=True)
     except TooManyErrors:
         report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} errors; further errors are not shown", None)
         return None

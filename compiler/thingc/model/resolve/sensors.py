@@ -133,8 +133,8 @@ class _Reader:
         place: Path = (*self.path, "fovy")
         fovy = self.scope.number(self.spec.fovy, place, ANGLE, f"`fovy` of camera `{self.name}`", above=0.0)
         if fovy is not None and fovy >= numeric.pi:
-            shown = self.scope.format_value(Quantity(fovy, ANGLE), place)
-            self.scope.error(Code.OUT_OF_RANGE, f"`fovy` of camera `{self.name}` must be below 180 deg, found {shown}", place)
+            text = self.scope.format_value(Quantity(fovy, ANGLE), place)
+            self.scope.error(Code.OUT_OF_RANGE, f"`fovy` of camera `{self.name}` must be below 180 deg, found {text}", place)
             fovy = None
         self.sound &= fovy is not None
         return fovy

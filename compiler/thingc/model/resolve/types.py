@@ -722,12 +722,12 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
 
     def decompositions(self) -> WantedPieces:
         """Return the convex decompositions of the parts whose components set `collision: decompose`."""
-        wanted: dict[str, set[int]] = {}
+        requested: dict[str, set[int]] = {}
         for component in (component for definition in self.assemblies() for component in definition.components):
             pieces = {choice.pieces for choice in component.overrides.choices.values() if choice.collision == "decompose"}
             if isinstance(component.definition, PartDefinition) and pieces:
-                wanted.setdefault(component.definition.text, set()).update(pieces)
-        return {text: tuple(sorted(several)) for text, several in wanted.items()}
+                requested.setdefault(component.definition.text, set()).update(pieces)
+        return {text: tuple(sorted(several)) for text, several in requested.items()}
 
     def part_definitions(self) -> tuple[PartDefinition, ...]:
         """Return the part definitions without duplicates, in document order. A nested document is traversed at its first use."""

@@ -40,13 +40,13 @@ def _cholesky_solve(matrix: Sequence[Sequence[float]], right: Sequence[float]) -
     lower = [[0.0] * size for _ in range(size)]
     for i in range(size):
         for j in range(i + 1):
-            rest = matrix[i][j] - sum_of(map(mul, lower[i][:j], lower[j]))
+            remainder = matrix[i][j] - sum_of(map(mul, lower[i][:j], lower[j]))
             if i == j:
-                if not rest > 0.0:
+                if not remainder > 0.0:
                     return None
-                lower[i][i] = sqrt(rest)
+                lower[i][i] = sqrt(remainder)
             else:
-                lower[i][j] = rest / lower[j][j]
+                lower[i][j] = remainder / lower[j][j]
     x = [0.0] * size
     for i in range(size):
         x[i] = (right[i] - sum_of(lower[i][k] * x[k] for k in range(i))) / lower[i][i]

@@ -91,16 +91,16 @@ def _is_meant_to_stand(robot: Robot) -> bool:
 def _warn_below(group: Sequence[Robot], part: Occurrence, depth: float, bound: bool, report: Report) -> None:
     robot, mode = group[0], group[0].mode
     height = mode.at.translation[2]
-    shown = Quantity(float(f"{depth:.3g}"), LENGTH)
+    depth_text = Quantity(float(f"{depth:.3g}"), LENGTH)
     raised = Quantity(float(f"{height + math.ceil(1e4 * depth) / 1e4:.6g}"), LENGTH)
-    stands = any(one.collides for one in robot.assembly.occurrences)
-    help = f"write, for example, `at: {{xyz: 0 0 {raised}}}`{', or put the robot on the floor: `at: {on: floor}`' if stands else ''}"
-    if height == 0.0 and mode.origin and stands:
+    collides = any(one.collides for one in robot.assembly.occurrences)
+    help = f"write, for example, `at: {{xyz: 0 0 {raised}}}`{', or put the robot on the floor: `at: {on: floor}`' if collides else ''}"
+    if height == 0.0 and mode.origin and collides:
         typed = shlex.join(["thingc", "set", shown_path(mode.origin[0].file), f"modes.{mode.name}.at.on=floor"])
         help = f"run `{typed}` to put the robot on the floor, or write, for example, `at: {{xyz: 0 0 {raised}}}`"
     if height < 0.0:
         help = f"check the sign of the height in `at`: it is {Quantity(height, LENGTH)}"
-    message = f"starts with `{part.path}` {'at least ' if bound else ''}{shown} below the plane z = 0 of its scene"
+    message = f"starts with `{part.path}` {'at least ' if bound else ''}{depth_text} below the plane z = 0 of its scene"
     _warn(group, Code.START_BELOW, message, part.path, part.origin, report, help=help)
 
 

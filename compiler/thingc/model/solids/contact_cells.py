@@ -101,8 +101,8 @@ class _Cells:
                 cell -= Manifold.cylinder(self.length, a, -1.0, FACETS, True)
         else:
             cell = Manifold.cube((b - a, d - c, self.length)).translate((a, c, -self.length / 2.0))
-        whole = Solid(cell, ((cell, 0.0),))
-        solids = [body.solid.whole ^ whole.at(pose).whole for body, pose in zip(pair.bodies, self.poses, strict=True)]
+        uncut = Solid(cell, ((cell, 0.0),))
+        solids = [body.solid.whole ^ uncut.at(pose).whole for body, pose in zip(pair.bodies, self.poses, strict=True)]
         if any(solid.is_empty() for solid in solids):
             return None
         one, other = (BoundedSolid(Solid(solid, ((solid, 0.0),)), body.error) for solid, body in zip(solids, pair.bodies, strict=True))

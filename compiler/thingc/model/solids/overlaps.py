@@ -88,9 +88,9 @@ class Overlaps:
         from thingc.model.solids.shapes import Solid, solid_of
 
         def solid(part: Occurrence) -> Solid:
-            made = self._memo(("solid", part.definition.text), partial(solid_of, self._store, simplify=self.deep / 4.0), part.solids)
-            assert made is not None, "only closed solids have a volume"
-            return made
+            solid = self._memo(("solid", part.definition.text), partial(solid_of, self._store, simplify=self.deep / 4.0), part.solids)
+            assert solid is not None, "only closed solids have a volume"
+            return solid
 
         return solid(pair.one).overlap(solid(pair.other).at(pair.at))
 
@@ -104,9 +104,9 @@ def check_overlaps(assembly: Assembly, poses: Sequence[Pose], overlaps: Overlaps
     link_of = assembly.link_of
     reported: set[tuple[object, object]] = set()
     for pair in overlaps.pairs(assembly.occurrences, poses):
-        apart = link_of[pair.one.index] != link_of[pair.other.index]
+        on_different_links = link_of[pair.one.index] != link_of[pair.other.index]
         place = (pair.one.origin[:1], pair.other.origin[:1])
-        if (pair.one.listed is not None and apart) or place in reported:
+        if (pair.one.listed is not None and on_different_links) or place in reported:
             continue
         shared = overlaps.intersection(pair)
         if shared is not None and _warn(assembly, pair, shared[0], report):

@@ -62,31 +62,31 @@ def balance_shared(
     loops = Loops(robot.bodies, robot.closures, joints_of(robot.assembly), bodies[0])
     closing = loops.linearize(SolverState(q=dict(q), base=bodies[0]), base_moves=robot.carried)[1]
     paths = [coordinate.path for coordinate in loops.coordinates]
-    stands = stance(robot, q, bodies) if robot.carried else None
-    following = leaders(joints_of(robot.assembly), q) if stands is not None else {}
+    support = stance(robot, q, bodies) if robot.carried else None
+    following = leaders(joints_of(robot.assembly), q) if support is not None else {}
     holds = any(closure.hold for closure in robot.closures)
     place = ("efforts", robot.mode.name)
-    return (memo or Memo())(place, balance, paths, closing, load, drives, stands, following, loops.length, holds)
+    return (memo or Memo())(place, balance, paths, closing, load, drives, support, following, loops.length, holds)
 
 
 def balance(
     paths: Sequence[str], closing: Sequence[Sequence[float]], load: Mapping[str, float], drives: Sequence[DriveTransmission],
-    stands: Support | None, following: Mapping[str, tuple[str, float, float]], size: float, holds: bool,
+    support: Support | None, following: Mapping[str, tuple[str, float, float]], size: float, holds: bool,
 ) -> Efforts:
     """Compute the drive efforts that balance the loads on the coordinates `paths`.
 
     `closing` contains the derivatives of the closing conditions of all loops, with one column per coordinate.
     """
     column = {path: k for k, path in enumerate(paths)}
-    count = len(paths) + (0 if stands is None else 6)
+    count = len(paths) + (0 if support is None else 6)
     free = _null_space(np.array(closing, dtype=np.float64).reshape(count, -1).T)
     known, pushed = np.array([load[path] for path in paths]), np.zeros((count, 0))
-    if stands is not None:
-        torque = cross(add_scaled(stands.centre, stands.origin, -1.0), stands.weight)
-        known = np.concatenate([known, np.array(stands.weight) * size, torque])
-        J = list(_feet(following, stands, column, size))
-        known -= sum((foot.pull * moves[2] for foot, moves in zip(stands.feet, J, strict=True)), np.zeros(count))
-        pushed = np.hstack([pushed, *(moves.T @ edges(foot.friction).T for foot, moves in zip(stands.feet, J, strict=True))])
+    if support is not None:
+        torque = cross(add_scaled(support.centre, support.origin, -1.0), support.weight)
+        known = np.concatenate([known, np.array(support.weight) * size, torque])
+        J = list(_feet(following, support, column, size))
+        known -= sum((foot.pull * moves[2] for foot, moves in zip(support.feet, J, strict=True)), np.zeros(count))
+        pushed = np.hstack([pushed, *(moves.T @ edges(foot.friction).T for foot, moves in zip(support.feet, J, strict=True))])
     weights = np.array([drive.weight for drive in drives])
     moved = np.zeros((count, len(drives)))
     for number, drive in enumerate(drives):
@@ -94,38 +94,38 @@ def balance(
             moved[column[path], number] = factor
     shares, forces, choices = _share(free.T @ moved * weights, free.T @ known, free.T @ pushed)
     effort = weights * shares
-    rest = np.abs(free @ (free.T @ (known + moved @ effort + pushed @ forces)))
+    residual = np.abs(free @ (free.T @ (known + moved @ effort + pushed @ forces)))
     efforts = {drive.path: float(value) + 0.0 for drive, value in zip(drives, effort, strict=True)}
-    worst = int(rest.argmax()) if count else 0
+    worst = int(residual.argmax()) if count else 0
     return answer(
-        drives, efforts, float(np.abs(known).max(initial=0.0)), float(rest.max(initial=0.0)), paths[worst] if worst < len(paths) else "",
-        choices, fall=None if stands is None or holds else _fall(stands),
+        drives, efforts, float(np.abs(known).max(initial=0.0)), float(residual.max(initial=0.0)),
+        paths[worst] if worst < len(paths) else "", choices, fall=None if support is None or holds else _fall(support),
     )
 
 
-def _feet(following: Mapping[str, tuple[str, float, float]], stands: Support, column: Mapping[str, int], size: float) -> Iterator[Array]:
+def _feet(following: Mapping[str, tuple[str, float, float]], support: Support, column: Mapping[str, int], size: float) -> Iterator[Array]:
     """Yield the Jacobian (3 x n) of the position [m] of each foot with respect to the coordinates.
 
     The coordinates are the joints, three translations of the base (in units of `size` [m]), and three rotations of the base about its
     origin.
     """
-    for foot in stands.feet:
+    for foot in support.feet:
         J = np.zeros((3, len(column) + 6))
         for path, velocity in foot.moves.items():
             leader, factor, _ = following[path]
             J[:, column[leader]] += factor * np.array(velocity)
-        x, y, z = np.array(foot.point) - np.array(stands.origin)
+        x, y, z = np.array(foot.point) - np.array(support.origin)
         J[:, -6:-3] = np.eye(3) * size
         J[:, -3:] = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
         yield J
 
 
-def _fall(stands: Support) -> Topple | None:
+def _fall(support: Support) -> Topple | None:
     """Return the reason why the floor cannot support the robot, whatever the efforts of its drives. Return None if no reason is found."""
-    known = np.concatenate([stands.weight, np.cross(np.subtract(stands.centre, stands.feet[0].point), stands.weight)])
+    known = np.concatenate([support.weight, np.cross(np.subtract(support.centre, support.feet[0].point), support.weight)])
     pushed: list[Array] = []
-    for foot in stands.feet:
-        arm = np.subtract(foot.point, stands.feet[0].point)
+    for foot in support.feet:
+        arm = np.subtract(foot.point, support.feet[0].point)
         forces = edges(foot.friction)
         pushed.append(np.hstack([forces, np.cross(arm, forces)]).T)
         known -= np.concatenate([(0.0, 0.0, foot.pull), np.cross(arm, (0.0, 0.0, foot.pull))])
@@ -133,9 +133,9 @@ def _fall(stands: Support) -> Topple | None:
     _, left = nnls(matrix, -known, maxiter=50 * matrix.shape[1])
     if left <= MET * float(np.linalg.norm(known)):
         return None
-    far = outside(stands)
+    far = outside(support)
     if isinf(far):
-        return Topple("pulls" if stands.weight[2] > 1e-9 * hypot(*stands.weight) else "slides", far)
+        return Topple("pulls" if support.weight[2] > 1e-9 * hypot(*support.weight) else "slides", far)
     return Topple("tips" if far > 0.0 else "slides", far)
 
 

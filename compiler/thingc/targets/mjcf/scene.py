@@ -85,5 +85,5 @@ def floor_name(model: XmlText) -> str:
 
     If a component has the name `floor`, return `scene:floor`. No component can have this name.
     """
-    taken = any(f'<{kind} name="{FLOOR}"' in model.text for kind in ("body", "geom"))  # the name is the first attribute
-    return f"scene:{FLOOR}" if taken else FLOOR
+    is_used = any(f'<{kind} name="{FLOOR}"' in model.text for kind in ("body", "geom"))  # the name is the first attribute
+    return f"scene:{FLOOR}" if is_used else FLOOR

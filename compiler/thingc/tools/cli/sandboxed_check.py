@@ -155,9 +155,9 @@ def _limit_resources(seconds: float, memory: int) -> None:
 
     with contextlib.suppress(OSError, ValueError), open("/proc/self/statm", "rb") as stream:
         memory += int(stream.read().split()[0]) * resource.getpagesize()
-    for kind, most in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CORE, 0)):
+    for kind, limit in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CORE, 0)):
         with contextlib.suppress(ValueError, OSError):  # a lower limit is already set
-            resource.setrlimit(kind, (most, most))
+            resource.setrlimit(kind, (limit, limit))
     signal.signal(signal.SIGPROF, signal.SIG_DFL)
     signal.setitimer(signal.ITIMER_PROF, seconds)  # CPU time; RLIMIT_CPU only supports whole seconds
 

@@ -101,12 +101,12 @@ def run(arguments: argparse.Namespace) -> int:
         server.tell_against(before)
     lines = Lines(arguments, "showing")
 
-    def hear(made: Rebuild) -> None:
+    def hear(rebuild: Rebuild) -> None:
         with turn:
-            made, page, diagnostics = _rebuild_result(live, made)
-        server.tell(page, made.seconds, diagnostics, kernel=made.kernel)
-        lines.say(made)
-        if made.number == 1 and not hopeless(made):
+            rebuild, page, diagnostics = _rebuild_result(live, rebuild)
+        server.tell(page, rebuild.seconds, diagnostics, kernel=rebuild.kernel)
+        lines.say(rebuild)
+        if rebuild.number == 1 and not hopeless(rebuild):
             console.show_page(server.address, browser=not arguments.no_open)
 
     with server, _overlay(arguments, plain, turn, server) if has_second else nullcontext():

@@ -116,24 +116,24 @@ class Lines:
         self._said: tuple[Diagnostic, ...] = ()
         self._built = False
 
-    def say(self, made: Rebuild) -> None:
+    def say(self, rebuild: Rebuild) -> None:
         """Print the new diagnostics of a rebuild, and a one-line summary."""
         console.say_in_place()
-        known = made.good and made.diagnostics == self._said
+        known = rebuild.good and rebuild.diagnostics == self._said
         if not known:
-            console.print_text(made.diagnostics, stream=sys.stderr, debug=self._arguments.debug)
-        self._said = made.diagnostics
-        if made.number > 1:
-            saved = _enumerate([shown_path(path) for path in made.saved])
-            outcome = _outcome(made) if self._built or not made.good else f"built in {made.seconds:.2f} s"
-            stand = f"; {format_count(len(made.diagnostics), 'warning')} unchanged" if known and made.diagnostics else ""
+            console.print_text(rebuild.diagnostics, stream=sys.stderr, debug=self._arguments.debug)
+        self._said = rebuild.diagnostics
+        if rebuild.number > 1:
+            saved = _enumerate([shown_path(path) for path in rebuild.saved])
+            outcome = _outcome(rebuild) if self._built or not rebuild.good else f"built in {rebuild.seconds:.2f} s"
+            stand = f"; {format_count(len(rebuild.diagnostics), 'warning')} unchanged" if known and rebuild.diagnostics else ""
             of = f"{self._of}, " if self._of is not None else ""
             console.say(f"{time.strftime('%H:%M:%S')} {saved}: {of}{outcome}{stand}", stream=sys.stderr)
-        if made.built is not None and made.folder is not None and not self._built:
-            print_summary(answer_of(made.built, made.folder), self._arguments)
-        self._built = self._built or made.good
-        if made.number == 1 and self._of is None and not hopeless(made):
-            console.say(f"{'' if made.good else 'nothing built yet; '}{self._doing}; press Ctrl-C to stop", stream=sys.stderr)
+        if rebuild.built is not None and rebuild.folder is not None and not self._built:
+            print_summary(answer_of(rebuild.built, rebuild.folder), self._arguments)
+        self._built = self._built or rebuild.good
+        if rebuild.number == 1 and self._of is None and not hopeless(rebuild):
+            console.say(f"{'' if rebuild.good else 'nothing built yet; '}{self._doing}; press Ctrl-C to stop", stream=sys.stderr)
 
 
 def _outcome(rebuild: Rebuild) -> str:

@@ -150,20 +150,20 @@ def compare_versions(
     with ExitStack() as stack:
         sides: list[Subject | Snapshot] = []
         homes: list[SourceOf] = []
-        for laid, name in ((both.old, names[0]), (both.new, names[1])):
+        for checkout, name in ((both.old, names[0]), (both.new, names[1])):
             side: Subject | Snapshot
             home: SourceOf | None = None
             try:
-                if laid.kind == "model":
-                    side, home = read_completely(laid, options, partial(_robot_file, laid, options, source, stack))
-                elif laid.kind == "document":
-                    side = stack.enter_context(subject(laid, options))
+                if checkout.kind == "model":
+                    side, home = read_completely(checkout, options, partial(_robot_file, checkout, options, source, stack))
+                elif checkout.kind == "document":
+                    side = stack.enter_context(subject(checkout, options))
                 else:
-                    side = snapshot_of_build(laid.path) if laid.kind == "build" else snapshot_of_lock(laid.path)
+                    side = snapshot_of_build(checkout.path) if checkout.kind == "build" else snapshot_of_lock(checkout.path)
             except BrokenDocument as broken:
-                raise broken_side(laid, name, broken) from broken
+                raise broken_side(checkout, name, broken) from broken
             sides.append(side)
-            homes.append(partial(_at_home, laid, home))
+            homes.append(partial(_at_home, checkout, home))
         old, new = sides
         answer = _compare_robots(old, new, options, tests=tests)
         if answer.changes and isinstance(old, Subject) and isinstance(new, Subject):
@@ -202,36 +202,36 @@ def _same_mechanism(old: Subject, new: Subject) -> str:
     return summary(result) if result.same and zeros_of(result) else ""
 
 
-def subject(laid: Checkout, options: Options) -> Subject:
+def subject(checkout: Checkout, options: Options) -> Subject:
     """Compile a document of one side of the comparison. Raises `BrokenDocument`."""
-    return read_completely(laid, options, lambda: Subject(laid.path, options))
+    return read_completely(checkout, options, lambda: Subject(checkout.path, options))
 
 
-def read_completely(laid: Checkout, options: Options, read: Callable[[], T]) -> T:
+def read_completely(checkout: Checkout, options: Options, read: Callable[[], T]) -> T:
     """Call `read`. If it fails for a file of a git revision, write all files of the revision and call it again. Raises `BrokenDocument`."""
     try:
         return read()
     except BrokenDocument:
-        if laid.revision is None or not options.code or not laid.revision.everything():
+        if checkout.revision is None or not options.code or not checkout.revision.everything():
             raise
     return read()
 
 
-def _robot_file(laid: Checkout, options: Options, source: ImportRequest, stack: ExitStack) -> tuple[Subject, SourceOf]:
+def _robot_file(checkout: Checkout, options: Options, source: ImportRequest, stack: ExitStack) -> tuple[Subject, SourceOf]:
     """Compile a robot file of another format, and return a function that maps spans to this file. Raises `BrokenDocument`."""
     from thingc.tools.importing.imported_document import imported_document
 
     report = Report()
-    document = stack.enter_context(imported_document(laid.path, options, report, source))
+    document = stack.enter_context(imported_document(checkout.path, options, report, source))
     if document is None:
         raise BrokenDocument([one for one in report.sorted_diagnostics() if one.severity is Severity.ERROR])
     robot = stack.enter_context(Subject(document.path, document.options))
     return robot, partial(document.source_span, root=robot.document)
 
 
-def _at_home(laid: Checkout, source: SourceOf | None, span: Span) -> Span | None:
+def _at_home(checkout: Checkout, source: SourceOf | None, span: Span) -> Span | None:
     found = span if source is None else source(span)
-    return found and replace(found, file=laid.home(found.file))
+    return found and replace(found, file=checkout.home(found.file))
 
 
 def _with_home(change: Change, homes: Sequence[SourceOf]) -> Change:
@@ -241,7 +241,7 @@ def _with_home(change: Change, homes: Sequence[SourceOf]) -> Change:
     return replace(change, span=next((one for one in moved if one != span), span))
 
 
-def broken_side(laid: Checkout, name: str, broken: BrokenDocument) -> BrokenSide:
+def broken_side(checkout: Checkout, name: str, broken: BrokenDocument) -> BrokenSide:
     """Return an exception with the errors of one side of a comparison, in which the name of the side is added to the file names.
 
     The name of a file in a revision has the syntax of git, such as `main:arm.yaml`.
@@ -249,9 +249,9 @@ def broken_side(laid: Checkout, name: str, broken: BrokenDocument) -> BrokenSide
     texts: dict[str, str] = {}
 
     def name_span(span: Span | None) -> Span | None:
-        if span is None or laid.revision is None or laid.home(span.file) == span.file:
+        if span is None or checkout.revision is None or checkout.home(span.file) == span.file:
             return span
-        called = f"{name}:{os.path.relpath(span.file, laid.revision.root)}"
+        called = f"{name}:{os.path.relpath(span.file, checkout.revision.root)}"
         if called not in texts:
             with open(span.file, encoding="utf-8", errors="replace") as stream:
                 texts[called] = stream.read()

@@ -341,12 +341,12 @@ class _Consequences:
             if change.what not in ("bom", "file", "test", "sensor") and change.change != "renamed" for root in self.changes.roots(change)
         }
         for old in self.old.outcomes:
-            there = self.pairing.path("test", old.test)
+            new_test = self.pairing.path("test", old.test)
             where = ", ".join(self.pairing.path("mode" if k == 0 else "pose", word) or word for k, word in enumerate(old.where.split(", ")))
-            new = news.get((there, where)) if there is not None else None
-            if new is None or there is None:
+            new = news.get((new_test, where)) if new_test is not None else None
+            if new is None or new_test is None:
                 continue
-            paths = (old.test, there)
+            paths = (old.test, new_test)
             because = self.changes.causes("test", paths) | all_
             at = f" [{new.where}]" if new.where else ""
             if old.passed != new.passed:

@@ -17,12 +17,13 @@ CONVEX = 1e-4
 """A surface counts as convex if its convex hull has at most this relative excess volume. A convex surface becomes one piece."""
 
 
-def decompose(sha256: str, most: int, store: Store) -> list[Any]:
+def decompose(sha256: str, max_pieces: int, store: Store) -> list[Any]:
     """Decompose a mesh in the store into convex pieces with CoACD. Return the pieces as a JSON value, in the unit of the mesh.
 
     The result is the same in every run.
 
-    Surfaces that do not touch are decomposed separately, unless this results in more than `most` pieces. `most` is 0 for any number.
+    Surfaces that do not touch are decomposed separately, unless this results in more than `max_pieces` pieces. With 0, the
+    number is not limited.
     """
     mesh = Triangles(*arrays(store.read(sha256)))
     pieces: list[Triangles] = []
@@ -33,13 +34,13 @@ def decompose(sha256: str, most: int, store: Store) -> list[Any]:
             pieces = []
             break
         pieces.extend([hull] if hull.volume - body.volume <= CONVEX * hull.volume else _by_coacd(body))
-    if not pieces or 0 < most < len(pieces):
-        pieces = _by_coacd(mesh, most)
+    if not pieces or 0 < max_pieces < len(pieces):
+        pieces = _by_coacd(mesh, max_pieces)
     return [to_builtins(stored_obj(piece, store)) for piece in pieces]
 
 
-def _by_coacd(mesh: Triangles, most: int = 0) -> list[Triangles]:
-    """Decompose a mesh into at most `most` pieces with the package CoACD.
+def _by_coacd(mesh: Triangles, max_pieces: int = 0) -> list[Triangles]:
+    """Decompose a mesh into at most `max_pieces` pieces with the package CoACD.
 
     The algorithm is described in Wei et al., "Approximate convex decomposition for 3D meshes with collision-aware concavity and tree
     search", 2022.
@@ -47,6 +48,6 @@ def _by_coacd(mesh: Triangles, most: int = 0) -> list[Triangles]:
     import coacd
 
     coacd.set_log_level("off")
-    pieces = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), seed=0, max_convex_hull=most or -1)
+    pieces = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), seed=0, max_convex_hull=max_pieces or -1)
     hulls = (meshing.hull(vertices) for vertices, _ in pieces)
     return [piece for piece in hulls if piece is not None]

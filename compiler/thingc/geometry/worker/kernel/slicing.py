@@ -84,23 +84,23 @@ class NotSliced(Exception):
     """Raised if a part cannot be sliced. Messages append the reason to the name of the part."""
 
 
-def slice_stored(sha256: str, how: Slicing, store: Store) -> dict[str, Any]:
+def slice_stored(sha256: str, slicing: Slicing, store: Store) -> dict[str, Any]:
     """Slice a mesh in the store, whose coordinates are 64-bit floats [mm]. Return a `SliceResult` or a `SliceFailure` as a JSON value."""
     try:
-        result: SliceResult | SliceFailure = slice_part(Triangles(*exact_arrays(store.read(sha256))), how)
+        result: SliceResult | SliceFailure = slice_part(Triangles(*exact_arrays(store.read(sha256))), slicing)
     except NotSliced as fault:
         result = SliceFailure(reason=str(fault))
     plain: dict[str, Any] = to_builtins(result)
     return plain
 
 
-def slice_part(mesh: Triangles, how: Slicing) -> SliceResult:
+def slice_part(mesh: Triangles, slicing: Slicing) -> SliceResult:
     """Slice a closed mesh [mm], and compute the material of the printed part. Raises `NotSliced` if the part cannot be sliced."""
-    turn = _turned_up(PrintSolid(mesh.vertices, mesh.faces).least_support()[0] if how.up == "auto" else how.up)
+    turn = _turned_up(PrintSolid(mesh.vertices, mesh.faces).least_support()[0] if slicing.up == "auto" else slicing.up)
     vertices = np.ascontiguousarray(mesh.vertices @ turn.T)
-    lengths = _Lengths(how)
+    lengths = _Lengths(slicing)
     outlines, heights = _outlines(vertices, mesh.faces, lengths.layer)
-    flat = _flat(_Slicer(how, lengths).layers(outlines), JOINED * lengths.spacing)
+    flat = _flat(_Slicer(slicing, lengths).layers(outlines), JOINED * lengths.spacing)
     total = _integrate_layers(flat, heights, lengths.layer).sum(axis=0)
     solid, joins, sparse = (_moments(sums, turn) for sums in total)
     if not solid.volume > 0.0:

@@ -42,8 +42,8 @@ def _adapt(robot: Robot, root: Element) -> Iterator[Loss]:
     for section in root.children:
         for index, item in enumerate(section.children):
             if item.tag in ("position", "velocity") and "ctrlrange" in item.attributes.keys() - item.raw.keys():
-                rest = {name: value for name, value in item.attributes.items() if name != "ctrlrange"}
-                section.children[index] = Element(tag=item.tag, attributes=rest, origin=item.origin, raw=item.raw)
+                kept_attributes = {name: value for name, value in item.attributes.items() if name != "ctrlrange"}
+                section.children[index] = Element(tag=item.tag, attributes=kept_attributes, origin=item.origin, raw=item.raw)
                 yield Loss("mjcf", None, _path(item), COMMANDS, "omitted", item.origin)
         if section.tag == "sensor":
             for path in dict.fromkeys(_path(item) for item in section.children):
