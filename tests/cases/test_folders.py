@@ -124,7 +124,7 @@ def test_document_link_out_of_the_workspace(folder: Path, capsys: pytest.Capture
 def test_pipe_is_an_error_without_waiting(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     os.mkfifo(folder / "pipe.yaml")
     assert said(capsys, "check", "pipe.yaml") == (2, [
-        "error[TC802]: `pipe.yaml` is not a regular file", "  help: name a regular file", "", "1 error",
+        "error[TC802]: `pipe.yaml` is not a regular file", "  help: use a regular file", "", "1 error",
     ])
     (folder / "robot.yaml").write_text("thingc: assembly/1\nname: two\ncomponents:\n  hand: {assembly: pipe.yaml}\n")
     code, lines = said(capsys, "check", "robot.yaml")

@@ -222,7 +222,7 @@ def test_existing_assembly_is_placed_and_unchanged(document: Path, capsys: pytes
     nested.write_text(LEG + "  tip: foot.sole\n")
     assert main(["add", "assembly", "legs/leg.yaml", "--to", document.name, "--on", "base.top", "--name", "x"]) == 2
     assert (
-        "`legs/leg.yaml` has several mounts\n  help: specify one with --by (known mounts: `hip`, `tip`)"
+        "`legs/leg.yaml` has several mounts\n  help: specify one of the mounts with --by (known mounts: `hip`, `tip`)"
         in capsys.readouterr().out
     )
     assert main(["add", "assembly", "legs/leg.yaml"]) == 2
@@ -275,9 +275,9 @@ def test_part_adds_a_class_and_a_component(document: Path, capsys: pytest.Captur
         ("shelf:Board", "already has a component `board`\n  help: choose another name with --name"),
         ("shelf:Bord", "there is no part `shelf:Bord`\n  help: did you mean `shelf:Board`? To create a new class, add --new"),
         ("shelv:Board", "there is no part `shelv:Board`\n  help: did you mean `shelf:Board`?"),
-        ("peg:Peg --on lid.top", "`peg:Peg` needs parameters, so its mounts are unknown\n  help: specify its mount with --by"),
+        ("peg:Peg --on lid.top", "`peg:Peg` needs parameters, so its mounts are unknown\n  help: specify a mount of the part with --by"),
         ("thingc_stock.wheels:Rim --on lid.top",
-         "`thingc_stock.wheels:Rim` has several mounts\n  help: specify one with --by (known mounts: "),
+         "`thingc_stock.wheels:Rim` has several mounts\n  help: specify one of the mounts with --by (known mounts: "),
     ):
         before = document.read_bytes()
         assert main(["add", "part", *words.split(), "--to", document.name]) in (1, 2)
@@ -308,11 +308,14 @@ def test_part_without_a_document(document: Path, capsys: pytest.CaptureFixture[s
     ("part X --to D --by bottom", "--by requires --on\n  help: add --on with the mount"),
     ("part X --to D --on base.top --at base.top", "--on cannot be combined with --at\n  help: use only one of the two options"),
     ("mode x --to D --name y", "--name applies to a part or an assembly, not to a mode"),
-    ("part old:Old", "`old:Old` already exists; to place it, add a document\n  help: write --to robot.yaml"),
+    (
+        "part old:Old",
+        "the part `old:Old` already exists; to place the part in a document, use --to\n  help: write, for example, --to robot.yaml",
+    ),
     ("part thingc_stock.servo:SG90 --to D", "there is no module `thingc_stock.servo`\n"),
     ("part thingc_stock.servos:SG9 --to D", "help: did you mean `thingc_stock.servos:SG90`?"),
     ("part parts/old.py:Old --to D", "help: did you mean `old:Old`?"),
-    ("part numpy:Old --to D", "`numpy` is neither in a part folder nor in an allowed package"),
+    ("part numpy:Old --to D", "the module `numpy` must be in a part folder or in an allowed package"),
     ("part old:Old --to D", "error[TC405]"),
     ("mood x --to D", "expected `part`, `assembly`, `mode`, `joint` or `test`, found `mood` (did you mean `mode`?)"),
     ("test x --to D", f"a test requires --kind\n  help: known kinds: {', '.join(f'`{kind}`' for kind in sorted(kinds()))}"),
@@ -342,7 +345,7 @@ def test_part_without_a_document(document: Path, capsys: pytest.CaptureFixture[s
     ("part New --to D --on base.bottom", "error[TC303]"),
     ("mode x --to missing.yaml", "error[TC802]"),
     ("mode true --to D", "`true` is not a valid name: YAML reads it as another value"),
-    ("part away:New --to D", "`parts/away.py` is outside the workspace (through a symbolic link)\n  help: use another module"),
+    ("part away:New --to D", "a symbolic link leads out of the workspace: `parts/away.py`\n  help: use another module"),
 ])
 def test_invalid_additions_are_reported_and_write_nothing(
     words: str, said: str, document: Path, capsys: pytest.CaptureFixture[str],

@@ -152,13 +152,14 @@ def test_missing_derivative_is_an_error_at_the_parameter(robot: str, capsys: pyt
 @pytest.mark.parametrize(("words", "message"), [
     (["--of", "mas"], "there is no result `mas`\n  help: did you mean `mass`?"),
     (["--of", "tests.clear"],
-     "`tests.clear` has no derivatives, because a `no_collision` test is not smooth\n  help: remove `tests.clear`"),
+     "`tests.clear` has no derivatives, because the result of a `no_collision` test is not a smooth function\n"
+     "  help: remove `tests.clear`"),
     (["--of", "tests.heavy"], "there is no test `heavy`\n  help: known tests: "),
     (["--of", "tests.holds.hig"], "there is no result `tests.holds.hig`\n  help: did you mean"),
     (["--of", "site:hok.z"], "there is no mount `hok`"),
     (["--of", "mass,,box"], "expected names separated by commas, found `mass,,box`"),
     (["--by", "lod"], "the document has no number `lod`\n  help: did you mean `load`?"),
-    (["--by", "spare"], "`spare` is not a number, but `false`\n  help: remove `spare`"),
+    (["--by", "spare"], "expected a number as the value of `spare`, found `false`\n  help: remove `spare`"),
     (["--mode", "walking"], "`crane` has no mode `walking`"),
     (["-p", "reach=2 m"], "parameter `reach` must be at most 600 mm, found `2000 mm`"),
 ])

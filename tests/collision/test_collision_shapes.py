@@ -376,7 +376,7 @@ modes: {m: {root: ground}}
     ("{pairs: [{between: [left, right], margin: -1 mm, gap: 2 mm}]}", "`margin` must be at least 0"),
     ("{pairs: [{between: [left, right], margin: -1 mm}]}", "`margin` must be at least 0"),
     ("{groups: {g: {components: [left], collide: [fingers]}}}", "there is no contact group `fingers`"),
-    ("{groups: {others: {components: [left], collide: []}}}", "`others` is the group of all components without a group"),
+    ("{groups: {others: {components: [left], collide: []}}}", "`others` is reserved for all components that are not in another group"),
     ("{groups: {g: {components: [left], collide: []}, h: {components: ['l*'], collide: []}}}", "`left` is in two contact groups"),
 ])
 def test_wrong_contacts_get_one_error_at_their_line(

@@ -78,7 +78,8 @@ def test_single_build_can_omit_a_level(tmp_path: Path, shared_store: str, capsys
     document.write_text(f"{ROBOT}detail: {{sim: -fastener, usd: cosmetic}}\n")
     assert main(["check", str(document), "--store", shared_store]) == 1
     shown = capsys.readouterr()
-    for words in ("no component has the level of detail `fastener`", "did you mean `fasteners`?", "write `-cosmetic` to omit it"):
+    omit = "to omit this level of detail, write `-cosmetic`"
+    for words in ("no component has the level of detail `fastener`", "did you mean `fasteners`?", omit):
         assert words in shown.out + shown.err
 
 

@@ -128,7 +128,10 @@ def test_errors_of_a_revision_are_reported(repository: Path, capsys: pytest.Capt
     (["main", "longer", "HEAD"], "expected two states, found 3 arguments", "write the documents to compare after `--`"),
     (["main", "--", "crane.yaml", "--format"], "there is no document `--format` in main or working tree", "known documents:"),
     ([".", "crane.yaml"], "the folder `.` is not a build folder: it has no manifest.json", "use a build folder or a document"),
-    (["crane.yaml", "cabin.yaml", "--", "crane.yaml"], "documents after `--` require two revisions", "thingc diff OLD.yaml NEW.yaml"),
+    (
+        ["crane.yaml", "cabin.yaml", "--", "crane.yaml"], "documents after `--` can only be used with two revisions",
+        "thingc diff OLD.yaml NEW.yaml",
+    ),
 ])
 def test_invalid_arguments_are_usage_errors(
     repository: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str, hint: str,

@@ -122,7 +122,7 @@ def test_children_of_a_held_base_move_with_it(lever: thingc.RobotFamily) -> None
         ("everything.yaml", ["load"], "standing", {},
          "MJX does not support a feature of mode `standing`: .*mjTRN_BODY.* with `compat=\"mjx\"`"),
         ("strung.yaml", ["lever"], None, {},
-         "MJX fixes `wrap_prm` when it converts a model, and it depends on lever: set the values with `at`"),
+         "MJX converts `wrap_prm` to a constant, and this value depends on lever: set the values with `at`"),
         ("crane.yaml", ["stiff"], "standing", {"drive: {kind: position, kp: =stiff}": "drive: {kind: position, kp: =stiff, effort: 5 N*m}"},
          "with `implicitfast`, MJX applies the damping of `lift` even at the force limit"),
         ("crane.yaml", ["radius"], "standing", {"axis: [0, 0, 1]": "axis: [0, =radius / (1 m), 1]"},

@@ -351,8 +351,11 @@ def test_wrong_plan_is_discarded(workspace: Path, monkeypatch: pytest.MonkeyPatc
 
 BAD: list[tuple[dict[str, Any], str]] = [
     ({"names": ["lod"]}, "the document has no number `lod`: did you mean `load`?"),
-    ({"names": ["heavy"]}, "`heavy` is not a number, but `false`: remove `heavy`, or set its value separately"),
-    ({"names": ["joints.*.offset"]}, "expected the name of one number, found `joints.*.offset`: write the names one by one"),
+    ({"names": ["heavy"]}, "expected a number as the value of `heavy`, found `false`: remove `heavy`, or set its value separately"),
+    (
+        {"names": ["joints.*.offset"]},
+        "expected the name of one number, found `joints.*.offset`: write each name separately, without patterns",
+    ),
     ({"names": ["joints.lift.velocty"]}, "the document has no number at `joints.lift.velocty`: correct the path, or add a value"),
     ({"names": ["load"], "at": [1]}, "expected `at` to be a mapping from names to values, found `[1]`"),
     ({"names": ["load"], "at": {"lo*": 1.0}}, "`load` is given twice: keep only one of the two"),

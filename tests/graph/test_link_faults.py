@@ -213,7 +213,10 @@ def test_component_placed_twice_is_reported() -> None:
         [joint("j", "plate.foot", "cap.top")],
     )
     assert said(faults(model, PLATE, CAP)) == [
-        ("INCOMPLETE", "`a` is not connected to the base of `a`", "place every component except the base on one other component", 100)
+        (
+            "INCOMPLETE", "`a` is not connected to the base of `a`", "place every component except the base with `attach`, `at` or a joint",
+            100,
+        )
     ]
 
 
@@ -241,7 +244,10 @@ def test_earlier_errors_are_not_reported_again() -> None:
 def test_incomplete_model_is_always_reported() -> None:
     model = assembly("a", [component("plate", "p:Plate"), component("gone", "p:Unknown", attach("gone.foot", "plate.foot"))])
     assert said(faults(model, PLATE)) == [
-        ("INCOMPLETE", "`a` is not connected to the base of `a`", "place every component except the base on one other component", 100)
+        (
+            "INCOMPLETE", "`a` is not connected to the base of `a`", "place every component except the base with `attach`, `at` or a joint",
+            100,
+        )
     ]
 
 
@@ -256,7 +262,10 @@ def test_two_names_for_one_link_are_reported() -> None:
     )
     report = faults(model, PLATE, CAP)
     assert said(report) == [
-        ("LINK_NAMED_TWICE", "`lid` and `base` name the same link: no joint separates their components", "remove one of the two names", 111)
+        (
+            "LINK_NAMED_TWICE", "`lid` and `base` are two names of one link: no joint separates their components",
+            "remove one of the two names", 111,
+        )
     ]
     assert notes(report) == [("`base` is defined here", "/robots/robot.yaml", 110)]
 
@@ -274,7 +283,7 @@ def test_duplicate_link_names_are_reported() -> None:
     assert said(report) == [
         (
             "DUPLICATE_LINK",
-            "`cap` names two links: this link and the link of component `cap`",
+            "two links have the name `cap`: this link and the link of component `cap`",
             "choose another name, or give the link of `cap` another name under `links:`",
             110,
         )
@@ -355,7 +364,7 @@ def test_mimic_joint_outside_limits_is_reported() -> None:
         (
             "POSE_LIMITS",
             "pose `home` puts `slide`, which mimics `yaw`, at 30 mm, outside its limits 0 mm to 20 mm",
-            "set `yaw` so that both are within their limits, or widen the limits",
+            "set `yaw` so that both joints are within their limits, or widen the limits",
             301,
         )
     ]

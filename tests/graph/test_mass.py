@@ -325,7 +325,7 @@ def test_inertia_is_checked_for_the_whole_link() -> None:
     none = component("label", None, at, frame=True, mass=stated(0.001), inertia=stated(0, 0, 0, 0, 0, 0))
     found = said(faults(assembly("a", [whole_link, none]), box("p:Box")))
     assert [(one[0], one[2]) for one in found] == [
-        ("NOT_PHYSICAL", "remove `inertia`: the inertia is then computed from the geometry, and a frame is a point mass"),
+        ("NOT_PHYSICAL", "remove `inertia`: thingc then computes the inertia from the geometry, or uses a point mass for a frame"),
     ]
 
 

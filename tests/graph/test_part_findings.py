@@ -150,7 +150,7 @@ def test_missing_collision_shapes_are_reported(choice: str, why: str) -> None:
     model = assembly("a", [component("one", "p:Plate", line=3, collision=choice)])
     message = f"`one` (p:Plate) has `collision: {choice}`, but {why}"
     report = faults(model, box("p:Plate", meshes=dict.fromkeys(("visual", "mesh", "hull"), mesh)))
-    assert said(report) == [("COLLISION_MISSING", message, "write `collision: hull`, or `none` to disable contacts", 3)]
+    assert said(report) == [("COLLISION_MISSING", message, "write `collision: hull`, or `collision: none` to disable contacts", 3)]
     linked(model, box("p:Plate"))
 
 

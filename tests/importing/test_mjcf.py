@@ -269,7 +269,7 @@ def test_muscle_length_search_is_limited(said: str, tmp_path: Path) -> None:
 <worldbody><body><joint name="j"/><geom size="1"/></body></worldbody><actuator><muscle joint="j"/></actuator></mujoco>""")
     report = Report()
     assert import_robot(str(tmp_path / "robot.xml"), report) is None
-    assert [one.message for one in report.diagnostics] == ["this requires more than 100,000 steps of simulation per muscle"]
+    assert [one.message for one in report.diagnostics] == ["this element requires more than 100,000 simulation steps per muscle"]
 
 
 def test_mujoco_warnings_become_errors_of_a_link(tmp_path: Path) -> None:

@@ -316,7 +316,7 @@ def test_exported_screw_and_universal_joints_round_trip(tmp_path: Path) -> None:
     ("<sdf version='1.9'><model name='a'/>\n<model name='b'/></sdf>", "TC953", 2, "expected one model that is not static, found `a`, `b`"),
     (sdf(CHAIN + "<include merge='1'><uri>m.sdf</uri></include>"), "TC952", 9, "`merge` is not supported"),
     (sdf(CHAIN + "<include><uri>m.sdf</uri>\n<name>n</name></include>"), "TC952", 9,
-     "the file includes more than 100 models, or one that includes itself"),
+     "the file includes more than 100 models, or a model that includes itself"),
     (sdf(CHAIN + "<include><uri>none.sdf</uri></include>"), "TC956", 9, "there is no file `none.sdf`"),
     (sdf(CHAIN + "<include><uri>m.sdf</uri><placement_frame>a</placement_frame></include>"), "TC952", 9,
      "an `<include>` with `<placement_frame>` requires `<pose>`"),

@@ -119,7 +119,7 @@ def test_conflicts_show_both_values(lamp: Path, capsys: Said) -> None:
     first = capsys.readouterr().err
     assert main(["import", "lamp.urdf", "--update"]) == 1
     said = capsys.readouterr().err
-    assert "error[TC957]: `components.foot.mass` is 2.5 kg here, but now 3 kg in the source: your value remains\n" in said
+    assert "error[TC957]: `components.foot.mass` is 2.5 kg in the document and 3 kg in the source: thingc keeps the value" in said
     assert "--> lamp/lamp.yaml:8:11\n" in said and said == first
     assert "`joints.lift.limit.velocity` is missing here, but now 7 rad/s in the source" in said
     text = lamp.read_text()
@@ -152,7 +152,7 @@ def test_meshes_are_merged_by_file(lamp: Path, capsys: Said) -> None:
     Path("arm.stl").write_text(MESH.format(2))
     assert main(["import", "lamp.urdf", "--update"]) == 1
     said = capsys.readouterr()
-    assert "`meshes/arm.stl` has changed both here and in the source: your version remains" in said.err
+    assert "`meshes/arm.stl` has changed both in this folder and in the source: thingc keeps the version in this folder" in said.err
     assert "changed nothing" not in said.out
     mesh.write_text(MESH.format(2))
     edit(Path("lamp.urdf"), ('<visual><geometry><mesh filename="arm.stl"/></geometry></visual>', ""))
@@ -187,7 +187,7 @@ def test_update_requires_the_import_record(lamp: Path, capsys: Said, record: str
     if record is not None:
         (lamp.parent / "import.json").write_text(record)
     assert main(["import", "lamp.urdf", "--update"]) == 2
-    assert "--update: there is no import in that folder, or its `import.json` has been modified" in capsys.readouterr().err
+    assert "--update: the folder does not contain an import, or `import.json` has been modified" in capsys.readouterr().err
     assert main(["import", "lamp.urdf", "--root", "tip"]) == (0 if record is None else 2)
 
 

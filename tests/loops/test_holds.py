@@ -230,7 +230,7 @@ def test_mode_that_does_not_close_at_its_start_is_an_error(tmp_path: Path) -> No
         poses=POSES, modes=f"  m: {{root: front.sole, pose: lifted, hold: {{rear.sole: {written(AWAY @ MATE)}}}}}\n",
     ))
     assert found.said == [(
-        "TC604", "mode `m` cannot hold `rear/sole` in place from pose `lifted`: at best it is 26.8 mm and 23.4 deg away",
+        "TC604", "mode `m` cannot hold `rear/sole` in place from pose `lifted`: the smallest error found is 26.8 mm and 23.4 deg",
         "start from the pose `arched`, in which the loops close", 23,
     )]
 
@@ -344,7 +344,7 @@ def test_unreachable_hold_reports_the_remaining_error(tmp_path: Path) -> None:
     found = compiled(tmp_path, LEVER + mode)
     assert found.said == [(
         "TC604", "mode `m` cannot hold `arm/tip` in place: at best it is 100 mm and 0 deg away",
-        "move the hold, or widen the limits of the joints", 16,
+        "move the mount under `hold`, or widen the limits of the joints", 16,
     )]
 
 
@@ -389,7 +389,7 @@ def test_hold_on_the_root_is_an_error(tmp_path: Path) -> None:
     found = compiled(tmp_path, LEVER + "  m: {root: arm.tip, hold: {arm.hub: here, post: here}}\n")
     assert found.said == [(
         "TC603", "mode `m` holds `arm/hub`, which does not move: it is on the root `arm`",
-        "hold a mount of another link, or remove the hold", 12,
+        "list a mount of another link under `hold`, or remove the mount", 12,
     )]
 
 
@@ -397,7 +397,7 @@ def test_hold_of_one_mount_by_two_names_is_an_error(tmp_path: Path) -> None:
     found = compiled(
         tmp_path, LEVER + "  m: {root: post, hold: {arm.tip: here, end: here}}\nmounts: {end: arm.tip}\n",
     )
-    assert found.said == [("TC603", "mode `m` holds `arm/tip` twice", "remove one of the two holds", 12)]
+    assert found.said == [("TC603", "mode `m` holds `arm/tip` twice", "remove one of the two entries from `hold`", 12)]
 
 
 @pytest.mark.parametrize(

@@ -186,7 +186,7 @@ def test_too_small_encoder(here: Path, capsys: pytest.CaptureFixture[str]) -> No
     (here / "arm.yaml").write_text(ROBOT.replace("lower: -90 deg, upper: 120 deg", "lower: -200 deg, upper: 200 deg"))
     (here / "left.calibration.yaml").write_text(GOOD)
     assert main(["calibration", "arm.yaml", "left.calibration.yaml"]) == 1
-    assert "the limits of joint `pan` span 4552 ticks, but its encoder has only 4096 values" in capsys.readouterr().err
+    assert "the limits of joint `pan` span 4552 ticks, but the encoder has only 4096 values" in capsys.readouterr().err
 
 
 def test_format_limitations(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

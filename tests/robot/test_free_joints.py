@@ -162,7 +162,9 @@ BAD = {
     "offset": ("type: free, offset: [1 mm, 0, 0, 0, 0, 0]", "TC338", "joint `grasp` is free and cannot have `offset`"),
     "axis": ("type: free, axis: [0, 0, 1]", "TC338", "joint `grasp` is free and cannot have an `axis`"),
     "mimic": ("type: free, mimic: {joint: close}", "TC325", "joint `grasp` is free: it cannot mimic"),
-    "keep": ("type: free, keep: true", "TC338", "joint `grasp` is free and cannot have `keep`: its sides are always separate links"),
+    "keep": (
+        "type: free, keep: true", "TC338", "joint `grasp` is free and cannot have `keep`: the joint always connects two separate links",
+    ),
 }
 
 

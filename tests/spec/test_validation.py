@@ -71,7 +71,7 @@ def is_incomplete(documents: Documents, report: Report) -> bool:
     ("simulation: fast", Code.WRONG_TYPE, "expected a mapping with `timestep`, `integrator`, `cone`, found the string `fast`", None,
      "fast"),
     ("modes: {b: root:plate}", Code.WRONG_TYPE, "expected a mapping with `root`, `base`, `at`, found the string `root:plate`",
-     "a space is missing after the `:`: `root: plate`", "root:plate"),
+     "a space is missing after the colon: write `root: plate`", "root:plate"),
     ("raw: {mjcf: {a: [[1]]}}", Code.WRONG_TYPE,
      "expected a string, a number, a boolean, a list of these, or a mapping, found a list of 1 item", None, "[[1]]"),
     # choices

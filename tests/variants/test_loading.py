@@ -177,7 +177,7 @@ def test_missing_variants_are_errors(some: Path, tmp_path: Path, shared_store: s
         (lambda: family.filter({"mass": (2.4, 2.0)}), r"expected a range of the column `mass` to be two numbers `\(low, high\)`"),
         (lambda: family.filter({"name": (1, 2)}), r"expected a string for the column `name`, such as `some_"),
         (lambda: next(family.models(["some_01"], "flying")), "expected variants, found `some_01`"),
-        (lambda: family[1.5], "has no variant `1.5`: use its index, its id or its name"),
+        (lambda: family[1.5], "has no variant `1.5`: use the index, the id or the name of a variant"),
         (lambda: load(some.parent), "is not the folder of a batch; it contains the batches: `some`: run `thingc batch` to create one"),
         (lambda: load(tmp_path / "none"), "none` is not the folder of a batch: run `thingc batch` to create one"),
     ):

@@ -265,7 +265,10 @@ def momentum(data: mujoco.MjData) -> np.ndarray:
 def test_errors(family: thingc.RobotFamily) -> None:
     for given, kind, words in (
         ({"observation": ("sensor",)}, UnknownVariant, "there is no observation `sensor`: did you mean `sensors`"),
-        ({"modes": (), "mode": "front", "observation": "joints"}, FamilyError, "expected `modes` for the observation `joints`"),
+        (
+            {"modes": (), "mode": "front", "observation": "joints"}, FamilyError,
+            "the observation `joints` requires an environment with `modes`",
+        ),
         ({"observation": ("qpos",)}, FamilyError, "the observation has 9 numbers in mode `loose`, but 2 numbers in the first mode"),
         ({"observation_noise": -1.0}, FamilyError, "expected `observation_noise` to be numbers of at least 0, found -1.0 for `joints`"),
         ({"observation_noise": {"sensor": 1.0}}, UnknownVariant, "there is no observation `sensor`"),

@@ -461,7 +461,7 @@ class Report:
                 self.warn(
                     Code.UNNEEDED, f"{where} allows `{allowance.code.code}` ({allowance.code.title}), but this warning does not occur",
                     allowance.where, path=f"{allowance.path}.allow".lstrip("."),
-                    help="remove the code from `allow`, unless an enclosing document needs it",
+                    help="remove the code from `allow`, unless an enclosing document needs this entry",
                     notes=[Note(message=f"reason for the allowance: {allowance.reason}")],
                 )
 

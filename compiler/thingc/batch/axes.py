@@ -103,7 +103,9 @@ class AxisParser:
         kind = self.paths.kinds.get(name)
         sound = of_kind(value, kind)
         if sound is None and kind is not None:
-            self._error(f"values at one path must have the same kind: found {kind_of(value)}, but `{format_value(kind)}` elsewhere", path)
+            self._error(
+                f"all values of a path must have the same type: found {kind_of(value)}, but another value is `{format_value(kind)}`", path,
+            )
         return sound
 
     def axis(self, name: str, raw: Any) -> Axis | None:
@@ -171,7 +173,7 @@ class AxisParser:
             if not isinstance(end, Quantity):
                 self._error(
                     f"the range of `{name}` needs two numbers, found {kind_of(end)}", (*path, index),
-                    help=f"list its values under `parameters` to draw from them: `{name}: [{shorten(format_value(end))}, ...]`",
+                    help=f"to draw from a list of values, write the list under `parameters`: `{name}: [{shorten(format_value(end))}, ...]`",
                 )
                 return None
         assert isinstance(low, Quantity) and isinstance(high, Quantity)

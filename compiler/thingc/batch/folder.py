@@ -273,7 +273,7 @@ def explain_os_error(folder: str, fault: OSError) -> BatchFault:
     if fault.errno in NO_ROOM:
         return BatchFault(
             Code.OUTPUT, f"there is not enough space for the batch in `{shown_path(folder)}`: {os.strerror(fault.errno)}",
-            "free some space and continue with --resume; built variants remain",
+            "free some space, and continue with --resume, which keeps all variants that are already built",
         )
     if isinstance(fault, (FileExistsError, NotADirectoryError)):
         return BatchFault(

@@ -264,7 +264,7 @@ class BatchResults(Sequence[BuiltVariant]):
         Raises `UnknownVariant` for an unknown id or name, and `IndexError` for an invalid index.
         """
         if not isinstance(key, Integral | slice | str):
-            raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`", "use its index, its id or its name")
+            raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`", "use the index, the id or the name of a variant")
         if isinstance(key, slice):
             return self._of(self._indices[key])
         if isinstance(key, str):
@@ -404,7 +404,7 @@ def _row(line: Line) -> dict[str, Any]:
 
 def _variant(value: Any) -> BuiltVariant:
     if not isinstance(value, BuiltVariant):
-        raise FamilyError(f"expected variants, found `{value}`", "use `family[...]` with its index, its id or its name")
+        raise FamilyError(f"expected variants, found `{value}`", "use `family[...]` with the index, the id or the name of a variant")
     return value
 
 

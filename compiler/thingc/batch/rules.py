@@ -74,7 +74,8 @@ def violations(
                 continue
         except KeyError as fault:
             error = Diagnostic(
-                code=Code.RESULT, severity=Severity.ERROR, message=f"`{rule.text}`: there is no `{fault.args[0]}` in mode `{mode}`",
+                code=Code.RESULT, severity=Severity.ERROR,
+                message=f"the rule `{rule.text}` uses `{fault.args[0]}`, which mode `{mode}` does not have",
                 help="choose another mode or pose for the results, or remove the rule",
             )
         except ExpressionError as fault:
@@ -129,14 +130,14 @@ def read_rules(
                 if result != "reach" or reach:
                     names[use.name] = result
                     continue
-                message = "this document does not define the reach"
-                help = "add, for example, `reach: {of: tip, from: base}`, with two mounts of the assembly"
+                message = "a rule uses `reach`, but the variants document does not define the key `reach`"
+                help = "add two mounts of the assembly, for example `reach: {of: tip, from: base}`"
             except KeyError:
-                message = f"there is no parameter or result `{use.name}`"
+                message = f"unknown name `{use.name}`: expected the name of a parameter or a result"
                 known = [*parameters, *RESULTS, *(LENGTHS + joint for joint in lengths)]
                 help = did_you_mean(use.name, known, what="names")
             except ValueError:
-                message = f"`{use.name}` is both a parameter and a result"
+                message = f"the name `{use.name}` is ambiguous: a parameter and a result have this name"
                 help = f"write `{PARAMETERS}{use.name}` or `{OF_RESULTS}{use.name}`"
             _report(report, document, path, message, use.offset, use.end, help)
             valid = False

@@ -73,7 +73,7 @@ def check_engine(executor: Executor | None, ship: bool) -> None:
     if ship and not isinstance(executor, DaskCluster):
         raise BatchFault(
             Code.COMMAND_LINE, "--ship can only be used with Dask workers",
-            "remove --ship: SLURM jobs share the folder from which they are submitted, and local runners use it directly",
+            "remove --ship: SLURM jobs and local processes read the workspace without a copy",
         )
 
 

@@ -361,8 +361,8 @@ class _Planner:
             duplicate = next((k for k, other in enumerate(settings) if (other.parameters, other.choices) == (values, chosen)), None)
             if duplicate is not None and len(self.report.diagnostics) == error_count:
                 self.report.warn(
-                    Code.DUPLICATE_VARIANT, "this variant is listed twice and built once", self.document.span(at),
-                    help="remove one of the two entries",
+                    Code.DUPLICATE_VARIANT, "this variant is listed twice, but is built only once", self.document.span(at),
+                    help="remove one of the two variants from the list",
                     path=format_path(at), notes=[Note(message="also listed here", span=self.document.span(("list", duplicate)))],
                 )
             settings.append(setting)
@@ -427,7 +427,7 @@ class _Planner:
             if missing is not None:
                 name_part, known, kind = missing
                 code = Code.UNKNOWN_COMPONENT if kind == "components" else Code.UNKNOWN_MOUNT
-                message = f"there is no {kind.removesuffix('s')} `{shorten(name_part)}` here"
+                message = f"the assembly has no {kind.removesuffix('s')} `{shorten(name_part)}`"
                 self.error(code, message, ("reach", key), did_you_mean(name_part, known, what=kind))
 
     def check_margin(self, model: AssemblyDefinition, rules: Sequence[Rule]) -> None:
@@ -439,7 +439,7 @@ class _Planner:
         mode = next((mode for mode in model.modes if mode.name == mode_name), None)
         if mode is None or not (mode.holds or any(joint.loop for joint in model.joints)):
             return
-        message = f"`torque_margin` is undefined in mode `{mode.name}`: its loops make the efforts of the drives ambiguous"
+        message = f"`torque_margin` is undefined in mode `{mode.name}`, because its loops make the efforts of the drives ambiguous"
         for index, expression in enumerate(self.spec.keep):
             if any(rule.expression is expression and "torque_margin" in rule.names.values() for rule in rules):
                 self.error(Code.RESULT, message, ("keep", index), "put another mode first under `modes`, or remove the rule")

@@ -151,7 +151,10 @@ def _nested_value_error(root: Document, path: str) -> Diagnostic | None:
         name = choice.components[0] if choice is not None and choice.components else None
         if name is None or node_at(root.tree, ("components", name)) is not None:
             return None
-        return _error(f"`{path}` is one copy of a repeated component and has no line in the document", "set the value for all copies")
+        return _error(
+            f"`{path}` is one of several copies of a component, and cannot be changed separately",
+            "set the value of the repeated component, which applies to all copies",
+        )
     component, inner_path = nested
     text = node_at(root.tree, ("components", component, "assembly"))
     inner = getattr(text, "text", "the nested document")

@@ -138,7 +138,7 @@ class DaskCluster(Cluster):
         elif now - self._without_workers_since > PATIENCE:
             return BatchFault(
                 Code.CLUSTER, f"the scheduler at `{self.address}` has had no worker for {PATIENCE:g} s",
-                "start workers and continue with --resume; built variants remain",
+                "start workers, and continue with --resume, which keeps all variants that are already built",
             )
         return None
 
@@ -158,7 +158,7 @@ class DaskCluster(Cluster):
             self.unship(name)
             raise BatchFault(
                 Code.CLUSTER, f"a worker cannot receive the workspace: {_first_line(fault)}",
-                "workers unpack the workspace in their folders (`--local-directory` of `dask worker`), which need enough free space",
+                "free disk space for the folders in which workers unpack the workspace (`--local-directory` of `dask worker`)",
             ) from None
 
     def unship(self, name: str) -> None:
@@ -211,7 +211,7 @@ class DaskCluster(Cluster):
     def _lost(self, reason: str) -> BatchFault:
         return BatchFault(
             Code.CLUSTER, f"the connection to the scheduler at `{self.address}` was lost: {reason}",
-            "continue with --resume, on the cluster or (without --cluster) on this machine; built variants remain",
+            "continue with --resume, which keeps all variants that are already built; to continue on this machine, omit --cluster",
         )
 
 

@@ -405,9 +405,14 @@ class RobotFamily:
             if name not in self._numbers.spec.tests:
                 raise FamilyError(f"there is no test `{name}`", did_you_mean(name, self._numbers.spec.tests, what="tests"))
             if (kind := self._numbers.spec.tests[name].kind) not in TESTED:
-                raise FamilyError(f"`{TEST}{name}` has no derivatives, because a `{kind}` test is not smooth", f"remove `{TEST}{name}`")
+                raise FamilyError(
+                    f"`{TEST}{name}` has no derivatives, because the result of a `{kind}` test is not a smooth function",
+                    f"remove `{TEST}{name}`",
+                )
         if names and not alone:
-            raise FamilyError(f"`{TEST}{names[0]}` cannot be computed with other results", "use a separate function for tests")
+            raise FamilyError(
+                f"`{TEST}{names[0]}` cannot be computed together with results that are not tests", "use a separate function for the tests",
+            )
 
     def _builds_of(self, targets: tuple[str, ...]) -> Builds:
         from thingc.targets.registry import parse_targets, unknown

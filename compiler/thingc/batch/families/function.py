@@ -394,13 +394,15 @@ class FamilyFunction:
     def _number(self, name: str) -> Quantity:
         """Return the value of a number in the document. Raises `FamilyError` if the document does not contain a number with this name."""
         if not isinstance(name, str) or "*" in name:
-            raise FamilyError(f"expected the name of one number, found `{name}`", "write the names one by one")
+            raise FamilyError(f"expected the name of one number, found `{name}`", "write each name separately, without patterns")
         kind = self._reader.kind(name)
         if isinstance(kind, Quantity):
             return kind
         if kind is not None:
             text = str(kind).lower() if isinstance(kind, bool) else str(kind)
-            raise FamilyError(f"`{name}` is not a number, but `{text}`", f"remove `{name}`, or set its value separately")
+            raise FamilyError(
+                f"expected a number as the value of `{name}`, found `{text}`", f"remove `{name}`, or set its value separately",
+            )
         if name in self._reader.read({name: 0.0}).names:
             raise FamilyError(f"the document has no value for `{name}`", "set the value in the document")
         if "." in name:

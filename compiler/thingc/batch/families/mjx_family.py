@@ -66,7 +66,9 @@ class FamilyMjx:
         self._plan, self._values = plan, parsed.values
         variables = self._variables(parsed.values)
         if variables is None:
-            raise FamilyError(f"MJX cannot vary {', '.join(self.names)}: nearby values take different branches", "use `models`")
+            raise FamilyError(
+                f"MJX cannot vary {', '.join(self.names)}: the compilation takes different branches for nearby values", "use `models`",
+            )
         by = [plan.free.index(at) for at in self._places] if plan.exchange is None else range(len(variables))
         self._start, self._run = variables, jax_function(plan.program, by, variables, dtype, "models")
         self.mj_model: mujoco.MjModel = next(iter(models.each([(settings, parsed)], share=False)))
@@ -77,7 +79,7 @@ class FamilyMjx:
         self._fields_of_rows = jax.jit(jax.vmap(self._fields_of_row))
         for name in self._writes:
             if not isinstance(attrgetter(name)(self.base), jax.Array) or (name.startswith("opt.") and name not in OPTIONS):
-                raise self._fixed_error(f"MJX fixes `{name}` when it converts a model")
+                raise self._fixed_error(f"MJX converts `{name}` to a constant")
 
     def __repr__(self) -> str:
         return f"FamilyMjx({', '.join(self.names)} -> {', '.join(self.varied)})"
@@ -201,7 +203,7 @@ class FamilyMjx:
         return [] if write is None else sorted(set((write.at // getattr(self.mj_model, name).shape[1]).tolist()))
 
     def _fixed_error(self, why: str) -> FamilyError:
-        return FamilyError(f"{why}, and it depends on {', '.join(self.names)}", "set the values with `at`, or use `models`")
+        return FamilyError(f"{why}, and this value depends on {', '.join(self.names)}", "set the values with `at`, or use `models`")
 
     def _put_base(self, mode: str) -> mjx.Model:
         """Convert the MuJoCo model for `start` to an MJX model in which the fields that depend on numbers can be replaced."""

@@ -33,7 +33,10 @@ def _joints(episode: Episode) -> Array:
     from thingc.modes.mjdata import map_model, read_state
 
     if episode.robot is None:
-        raise FamilyError("expected `modes` for the observation `joints`", "use `qpos` and `qvel` in one mode")
+        raise FamilyError(
+            "the observation `joints` requires an environment with `modes`",
+            "in an environment with a single mode, use the observations `qpos` and `qvel`",
+        )
     mode = episode.robot[episode.simulations[episode.mode].name]
     state = read_state(mode, map_model(mode, episode.model), episode.data)
     return np.concatenate([state.q, state.v])

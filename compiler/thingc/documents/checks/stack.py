@@ -76,7 +76,10 @@ def read_stack(spec: StackTest, reader: Reader) -> StackCheck | None:
     )
     share = None if spec.yield_ is None else reader.number(spec.yield_, "yield", NUMBER, above=0.0, most=1.0)
     if share == 1.0:
-        reader.error(Code.OUT_OF_RANGE, "`yield` must be below 100 %", "yield", help="for all robots, use `worst` instead")
+        reader.error(
+            Code.OUT_OF_RANGE, "`yield` must be below 100 %", "yield",
+            help="to limit the deviation of all robots, use `worst` instead of `yield`",
+        )
     if of is None or base is None or along is None:
         return None
     return StackCheck(of=of, base=base, along=along, worst=worst, rss=rss, within=within, share=share)

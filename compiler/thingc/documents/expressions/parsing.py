@@ -79,7 +79,7 @@ class _Parser:
             token = number[0]
         help = _UNSUPPORTED_HINTS.get(token)
         if token in ("and", "or", "not", "if", "else"):
-            help = f"there is no `{token}` in expressions"
+            help = f"expressions do not support `{token}`"
         return ExpressionError(f"expected {expected}, found `{token}`", self.index, self.index + len(token), help=help)
 
     def comparison(self) -> Term:
@@ -133,7 +133,7 @@ class _Parser:
     def enter_level(self, offset: int) -> None:
         self.depth += 1
         if self.depth > terms.MAX_DEPTH:
-            raise ExpressionError(f"an expression may nest at most {terms.MAX_DEPTH} levels", offset, len(self.text))
+            raise ExpressionError(f"an expression can have at most {terms.MAX_DEPTH} levels of nesting", offset, len(self.text))
 
     def atom(self) -> Term:
         if self.peek() == "(":

@@ -43,7 +43,8 @@ def format_document(path: str, data: bytes, report: Report, *, schema: str | Non
         after = read_tree(path, formatted, reparse_report)
         if after is None or reparse_report.failed or not equal(before, after, shape):
             report.add(
-                Code.INTERNAL, "formatting would change the meaning of this document, so thingc does not change the document", before.span,
+                Code.INTERNAL, "thingc did not format this document, because the formatted document would have another meaning",
+                before.span,
                 help="this is a bug in thingc; please report it together with the document",
             )
             return None

@@ -170,9 +170,10 @@ def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
         found = "a list" if isinstance(tree, SequenceNode) else "a string"
         span, help = tree.span, f"start the document with `{head_line(path)}`"
         if isinstance(tree, ScalarNode) and (missing := re.match(r"([A-Za-z_]\w*):(\S+)", tree.text)):
-            help = f"a space is missing after the `:`: `{missing.group(1)}: {missing.group(2)}`"
+            help = f"a space is missing after the colon: write `{missing.group(1)}: {missing.group(2)}`"
         elif isinstance(tree, ScalarNode) and re.match(r"(\[\s*)?\w+\s*=", tree.text):
-            help = f"TOML needs the extension `.toml`: rename the file to `{os.path.splitext(os.path.basename(path))[0]}.toml`, or {help}"
+            stem = os.path.splitext(os.path.basename(path))[0]
+            help = f"a TOML document needs the extension `.toml`: rename the file to `{stem}.toml`, or {help}"
         report.add(Code.NOT_A_MAPPING, f"a document must be a mapping, found {found}", span, help=help)
     return None
 

@@ -58,7 +58,7 @@ def find_file(
     if not workspace.contains(path):
         report.add(
             Code.OUTSIDE_WORKSPACE, f"`{name}` is outside the workspace", where,
-            help="move the file into the folder of `thingc.toml`, or create a `thingc.toml` in a folder above both",
+            help="move the file into the folder of `thingc.toml`, or create a `thingc.toml` in a folder that contains both files",
         )
         return None
     if not path.lower().endswith(suffixes):
@@ -113,7 +113,7 @@ def refuse_name(name: str, where: Span | None, report: Report) -> None:
     problem = "invisible characters" if is_text(name) else "bytes that are not UTF-8"
     report.add(
         Code.FILE_NAME, f"the file name `{escape_control(name)}` has {problem}: `{escape_control(find_invisible(name))}`", where,
-        help="rename the file: use letters, digits, spaces and visible characters",
+        help="rename the file: use only visible characters and spaces",
     )
 
 

@@ -72,15 +72,16 @@ def _explain_value(source: Source, problem: str, at: int, began: int) -> SyntaxF
     text = source.text
     if "mapping values are not allowed" in problem:
         return SyntaxFault(
-            "a second `:` in one value", at, at + 1,
-            help="a string with `: ` in it needs quotes; a nested mapping starts on its own line, after a key with `:`",
+            "this value contains a second `:`", at, at + 1,
+            help="put a string that contains a colon and a space in quotes, or start a nested mapping on a new line",
         )
     if "could not find expected ':'" in problem:
         line = source.line_at(began)
         line_text = source.line(line).strip()
         start = source.starts[line] + len(source.line(line)) - len(source.line(line).lstrip())
         return SyntaxFault(
-            f"expected `key: value`, found `{shorten(line_text)}`", start, start + max(1, len(line_text)), help="write `: ` after a key",
+            f"expected `key: value`, found `{shorten(line_text)}`", start, start + max(1, len(line_text)),
+            help="write a colon and a space after the key",
         )
     if "cannot start any token" in problem:
         character = text[at : at + 1]
@@ -104,31 +105,32 @@ def _explain_layout(source: Source, problem: str, context: str, at: int, began: 
         if deeper is not None:
             line_start, columns = deeper
             return SyntaxFault(
-                "this line does not continue the mapping above it", at, end,
-                help=f"keys of a mapping must start in the same column, here {' or '.join(map(str, columns))}",
-                note=(f"the line above it starts in column {columns[0]}", line_start),
+                "the indentation of this line does not match the mapping above it", at, end,
+                help=f"start all keys of a mapping in the same column, here column {' or '.join(map(str, columns))}",
+                note=(f"the line above starts in column {columns[0]}", line_start),
             )
         line_above = _shallower_line_above(source, at)
         if line_above is not None:
             return SyntaxFault(
-                "this line is indented further than the line above it, which already has a value", at, end,
-                help="keys of a mapping must start in the same column: indent this line and the line above it equally",
-                note=("the line above it starts here", line_above),
+                "this line has more indentation than the line above, which already has a value", at, end,
+                help="indent this line and the line above equally, because keys of a mapping must start in the same column",
+                note=("the line above starts here", line_above),
             )
         return SyntaxFault(
-            "this line does not continue the mapping above it", at, end,
-            help="keys of a mapping must start in the same column; put the whole string in quotes if it contains quotes",
+            "the indentation of this line does not match the mapping above it", at, end,
+            help="start all keys of a mapping in the same column; if a string contains quotes, put the whole string in quotes",
             note=("the mapping starts here", began),
         )
     if "block collection" in context or "block sequence" in context:
         return SyntaxFault(
-            "this line does not continue the list above it", at, end, help="the `-` of all items of a list must be in the same column",
+            "the indentation of this line does not match the list above it", at, end,
+            help="write the `-` of all items of a list in the same column",
             note=("the list starts here", began),
         )
     if "document start" in problem:
         return SyntaxFault(
             "expected the end of the document, found more text", at, end,
-            help="a document is a single mapping: its keys must start in column 1",
+            help="start all keys of the document in column 1: a document is a single mapping",
         )
     if "block scalar" in context:
         return SyntaxFault("text after `|` or `>` must start on the next line", at, end, help="write the text on the next line")
@@ -203,11 +205,11 @@ def _explain_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxF
     preceding = source.text[max(began, at - _LONGEST_KEY) : at]
     key = re.search(r"[{\[,]\s*([\w.$*-]+) +$", preceding) if character in "{[" else None
     second_key = re.search(r":.*\s([\w.$*-]+)$", preceding) if character == ":" else None
-    help = "a string with `,`, `:` or quotes in it must be quoted"
+    help = "put a string that contains a comma, a colon or quotes in quotes"
     if second_key is not None:
-        help = f"separate entries by `,`: add one before `{second_key[1]}`"
+        help = f"separate entries by commas: add a comma before `{second_key[1]}`"
     if key is not None:
-        help = f"write `: ` after a key: `{key[1]}: {character}`"
+        help = f"write a colon and a space after the key: `{key[1]}: {character}`"
     return SyntaxFault(
         f"expected `,` or `{closing}`, found `{character}`", at, at + 1, help=help, note=(f"inside the `{opened}` opened here", began),
     )

@@ -299,7 +299,8 @@ class _Builder:
         if isinstance(node.value, str):
             if node.value == "<<" and not event.style:
                 self.report.add(
-                    Code.ALIAS, "`<<` is not supported: YAML 1.2 has no merge keys", node.span, help="write all keys, or use `defaults:`",
+                    Code.ALIAS, "`<<` is not supported: YAML 1.2 has no merge keys", node.span,
+                    help="copy the keys into this mapping, or use `defaults:`",
                 )
                 return None
             return node.value, node.span

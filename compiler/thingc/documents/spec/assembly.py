@@ -279,7 +279,7 @@ class ComponentSpec(ComponentDefaults):
             raise rule("`keep` can only be used with `attach` or `at`", "write `keep: true` in a `fixed` joint, or remove `keep`", "keep")
         if isinstance(self.attach, dict) and len(self.attach) != 1:
             raise rule(f"`attach` must contain one mate `{{my_mount: other.mount}}`, found {len(self.attach)}",
-                        "use only one mate, which places the component completely" if self.attach
+                        "use only one mate, because a single mate determines the pose of the component" if self.attach
                         else "write, for example, `{back: plate.servo_seat}`", "attach")
 
 
@@ -318,7 +318,8 @@ class MimicSpec(Model):
         for key in ("multiplier", "offset"):
             if self.polynomial is not None and key in self.model_fields_set:
                 raise rule(
-                    f"`polynomial` cannot be combined with `{key}`", f"remove `{key}`: use `polynomial[{int(key == 'multiplier')}]`", key,
+                    f"`polynomial` cannot be combined with `{key}`",
+                    f"remove `{key}`, and set `polynomial[{int(key == 'multiplier')}]` instead", key,
                 )
 
 
@@ -387,7 +388,9 @@ class DefaultsSpec(Model):
         collision = self.component.collision if self.component is not None else None
         choices = (collision, *collision.by_target.values()) if isinstance(collision, CollisionSpec) else ()
         if any(choice.shapes for choice in choices if not isinstance(choice, str)):
-            raise rule("`shapes` cannot be a default, because they are in the frame of one part", "list the shapes at the component")
+            raise rule(
+                "`shapes` cannot be a default, because shapes are relative to the frame of one part", "list the shapes in the component",
+            )
 
 
 class TurnSpec(Model):

@@ -44,7 +44,7 @@ def _resolution(value: Any) -> Quantity:
     except ExpressionError as error:
         raise fault("expression", error.message, help="use only numbers with units", offset=error.offset, end=error.end) from None
     if not isinstance(resolution, Quantity) or resolution.dimension not in (ANGLE, LENGTH) or resolution.value < FINEST:
-        help = "write the motion of the joint per tick, such as `0.01 mm`"
+        help = "write the angle or the length per encoder tick, such as `0.01 mm`"
         raise fault("quantity", f"expected an angle or a length of at least {FINEST:g} in SI units, found `{resolution}`", help=help)
     return resolution
 
@@ -99,7 +99,7 @@ class CalibrationSpec(Model):
 
     def _check_rules(self) -> None:
         joints: dict[int, str] = {}
-        help = "give each motor of the bus its own identifier"
+        help = "give each motor of the bus a different `id`"
         raise_all([
             within(rule(f"joints `{joints[motor.id]}` and `{name}` have the same motor `id: {motor.id}`", help), ("joints", name, "id"))
             for name, motor in self.joints.items() if joints.setdefault(motor.id, name) != name

@@ -323,7 +323,9 @@ def _validate_omitted(value: Any) -> tuple[str, ...]:
     levels = value if isinstance(value, list) else [value]
     for text in levels:
         if not isinstance(text, str) or not text.startswith("-"):
-            help = f"write `-{text}` to omit it" if isinstance(text, str) and _NAME.fullmatch(text) else "write, for example, `-fasteners`"
+            help = "write, for example, `-fasteners`"
+            if isinstance(text, str) and _NAME.fullmatch(text):
+                help = f"to omit this level of detail, write `-{text}`"
             raise fault("type", f"expected a minus sign and a level of detail, found {describe(text)}", help=help)
     return tuple(name_of(text[1:]) for text in levels)
 
@@ -367,7 +369,7 @@ def _color(value: Any) -> str:
     import webcolors  # lazy import: many documents have no colours
 
     if not isinstance(value, str):
-        raise fault("type", f"expected a colour, found {describe(value)}", help='write a CSS name or `"#rrggbb"`')
+        raise fault("type", f"expected a colour, found {describe(value)}", help='write a CSS colour name or `"#rrggbb"`')
     if _HEX.fullmatch(value):
         digits = value[1:].lower()
         return "#" + (digits if len(digits) == 6 else "".join(digit * 2 for digit in digits))
@@ -376,7 +378,7 @@ def _color(value: Any) -> str:
     try:
         return str(webcolors.name_to_hex(value))
     except ValueError:
-        help = near_hint(value, webcolors.names()) or 'write a CSS name or `"#rrggbb"`'
+        help = near_hint(value, webcolors.names()) or 'write a CSS colour name or `"#rrggbb"`'
         raise fault("color", f"unknown colour `{shorten(value)}`", help=help) from None
 
 

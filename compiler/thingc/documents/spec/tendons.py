@@ -36,7 +36,7 @@ class AroundSpec(Model):
     """A mount outside the sphere or cylinder, on the same link. The tendon passes on the side of this mount; default: the shorter side."""
 
     def _check_rules(self) -> None:
-        require_either(self, "sphere", "cylinder", "`around`", "write, for example, `cylinder: 12 mm`, its radius")
+        require_either(self, "sphere", "cylinder", "`around`", "write the radius, for example `cylinder: 12 mm`")
 
 
 class PulleySpec(Model):
@@ -75,4 +75,4 @@ class TendonSpec(Model):
 
     def _check_rules(self) -> None:
         require_either(self, "joints", "path", "a tendon", "write, for example, `path: [arm.hook, hand.hook]`")
-        require_with(self, "width", "path", "remove `width`: a tendon over joints has no path in space")
+        require_with(self, "width", "path", "remove `width`: a tendon with `joints` does not have a path")

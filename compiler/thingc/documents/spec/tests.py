@@ -34,7 +34,7 @@ class _OneKind(Model):
             raise rule("a test needs a kind", "write, for example, `{mass: {max: 2.2 kg}}`")
         if len(written) > 1:
             named = " and ".join(f"`{kind}`" for kind in written)
-            raise rule(f"a test must have exactly one kind, found {named}", "split it into two tests with different names")
+            raise rule(f"a test must have exactly one kind, found {named}", "split the test into two tests with different names")
 
 
 if TYPE_CHECKING:

@@ -61,18 +61,18 @@ class UnknownKey:
         """Suggest the long form of `attach` for an unknown key `turn` or `gap` in a component with the short form of `attach`."""
         if not {"mount", "to"} <= set(self.known_keys) - self.present:
             return None
-        return f"write in full: `mount: {shorten(self.key, 40)}, to: {_node_text(node_at(self.document.tree, self.path))}`"
+        return f"write the mate in full: `mount: {shorten(self.key, 40)}, to: {_node_text(node_at(self.document.tree, self.path))}`"
 
     def _suggest_place(self, root: type[Model]) -> str | None:
         """Describe where an unknown key is valid: in a nested mapping, in a parent mapping, or in a section of the document."""
         value = node_at(self.document.tree, self.path)
         if "parameters" in self.known_keys and "part" not in self.known_keys and len(self.path) > 1 and isinstance(value, ScalarNode):
-            return f"set a parameter by `parameters: {{{shorten(self.key, 40)}: {shorten(value.text, 40)}}}`"
+            return f"to set a parameter, write `parameters: {{{shorten(self.key, 40)}: {shorten(value.text, 40)}}}`"
         value_text = _node_text(value)
         if len(self.path) == 3 and self.path[0] == "defaults":
             entries = dict(sections(root)).get(f"{self.path[1]}s")
             if entries is not None and entries.model is not None and self.key in model_keys(entries.model):
-                return f"`{self.key}` has no default: set the key in each entry of `{self.path[1]}s`"
+                return f"`defaults` does not support `{self.key}`: set the key in each entry of `{self.path[1]}s`"
         mapping_keys = [key for key in self.known_keys if any(self.key in model_keys(model) for model in _models(self.model, key))]
         if mapping_keys:
             present_keys = [key for key in mapping_keys if key in self.present]
@@ -80,7 +80,7 @@ class UnknownKey:
             if isinstance(short_form, MappingNode) and len(short_form.entries) == 1 and "mount" not in short_form.entries:
                 ((mount, to),) = short_form.entries.items()
                 mate = f"mount: {shorten(mount, 40)}, to: {_node_text(to)}, {self.key}: {value_text}"
-                return f"write the key inside `attach`, in full: `attach: {{{mate}}}`"
+                return f"write the key and the mate in full: `attach: {{{mate}}}`"
             if present_keys:
                 return f"move the key into {one_of(present_keys)}"
             return f"write the key inside {one_of(mapping_keys)}: `{mapping_keys[0]}: {{{self.key}: {value_text}}}`"
@@ -104,7 +104,7 @@ class UnknownKey:
         best = max(scores, key=lambda name: scores[name], default=None)
         if best is None or scores[best] < 2.0:
             return None
-        return f"move `{self.key}` below the key `{best}`, indented by two more spaces"
+        return f"move `{self.key}` below the key `{best}`, and indent it by two more spaces"
 
     def _suggest_entry(self, root: type[Model]) -> str | None:
         """Return a hint that lists other sections in which the unknown key is valid."""
@@ -116,7 +116,7 @@ class UnknownKey:
         for kind, key in (("part", "params"), ("assembly", "parameters")):
             unclear = text == "..." or nearest(self.key, self.known_keys) is not None
             if {kind, key} <= set(self.known_keys) and kind in self.present and not unclear:
-                return f"set a parameter of the {kind} by `{key}: {{{shorten(self.key, 40)}: {text}}}`"
+                return f"to set a parameter of the {kind}, write `{key}: {{{shorten(self.key, 40)}: {text}}}`"
         return None
 
 
@@ -200,13 +200,15 @@ def message_of(fault: Fault, *, toml: bool) -> tuple[str, str]:
     section, owner, names = str(fault.path[0]), fault.context["owner"], [f"`{shorten(name)}`" for name in fault.value]
     several = len(names) > 1
     keys = ", ".join(names[:-1]) + f" and {names[-1]}" if several else names[0]
-    message = f"{keys} {'are' if several else 'is'} {'written' if toml else 'indented'} like a {section.removesuffix('s')}"
+    verb = ("are written as" if several else "is written as") if toml else f"{'have' if several else 'has'} the indentation of"
+    entry = f"a {section.removesuffix('s')}"
+    message = f"{keys} {verb} {entry}, but"
     pronoun = "them" if several else "it"
     if owner is None:
-        return f"{message}, and {'are keys' if several else 'is a key'} of one", f"move {pronoun} inside one of the {section}"
+        return f"{message} {'are keys' if several else 'is a key'} of {entry}", f"move {pronoun} inside one of the {section}"
     owner = shorten(owner)
     help = f"write `[{section}.{owner}.{fault.value[0]}]`" if toml else f"indent {pronoun} further, like the other keys of `{owner}`"
-    return f"{message}, and probably {'belong' if several else 'belongs'} to `{owner}`", help
+    return f"{message} probably {'belong' if several else 'belongs'} to `{owner}`", help
 
 
 def _is_misplaced(value: Any, key: FieldType, entry: FieldType) -> bool:

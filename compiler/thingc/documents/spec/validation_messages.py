@@ -171,9 +171,9 @@ class FaultReporter(FrozenStruct, eq=False):
             flag = "true" if value.lower() in ("yes", "on") else "false"
             help = Suggestion(f"write `{flag}`", (value, flag))
         elif isinstance(value, str) and value.lower() == "none":
-            help = "to use none, remove the key"
+            help = "if you do not need a value, remove the key"
         elif help is None and isinstance(value, dict) and len(value) == 1 and any(member.kind == "list" for member in alternatives(shape)):
-            help = f"write a list with one item for each: `[{{{shorten(str(next(iter(value))))}: ...}}]`"
+            help = f"write a list with one item per key: `[{{{shorten(str(next(iter(value))))}: ...}}]`"
         elif help is None and isinstance(value, str) and any(member.kind == "list" for member in alternatives(shape)):
             numbers = re.fullmatch(r"[-+.\deE\s]+", value)  # `0 0 1` is a list of three numbers, `mass < 2 kg` is a single rule
             axis = _AXES.get(value) if fault.path[-1:] in (("axis",), ("up",)) else None
@@ -223,7 +223,7 @@ def _unwrapped_hint(path: Path, fault: Fault) -> str | None:
     if not isinstance(fault.value, dict) or len(path) != len(fault.path) or fault.shape.field is None:
         return None
     if path[:1] == ("links",):
-        return "`links` only names the link of a component, such as `base_link: plate`; set mass and geometry on components"
+        return "`links` only sets the name of a link, such as `base_link: plate`; set mass and geometry in components"
     strings = [text for text in fault.value.values() if isinstance(text, str)]
     if len(fault.value) != 1 or not strings:
         return None
@@ -234,7 +234,7 @@ def _unwrapped_hint(path: Path, fault: Fault) -> str | None:
 def _space_hint(value: Any) -> str | None:
     """Return a hint for a string `key:value` in which a space after the colon is missing."""
     match = re.fullmatch(r"([A-Za-z_]\w*):(\S.*)", value) if isinstance(value, str) else None
-    return f"a space is missing after the `:`: `{match.group(1)}: {shorten(match.group(2))}`" if match else None
+    return f"a space is missing after the colon: write `{match.group(1)}: {shorten(match.group(2))}`" if match else None
 
 
 def format_path(path: Path) -> str:

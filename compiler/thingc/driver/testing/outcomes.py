@@ -90,14 +90,15 @@ def check_bounds(
     expected = {key: bound for key, bound in (("min", minimum), ("max", maximum)) if bound is not None}
     limits = [f"{text} {Quantity(bound, dimension)}" for text, bound in (("at least", minimum), ("at most", maximum)) if bound is not None]
     failure = None
-    for key, bound, text in (("min", minimum, "below the minimum"), ("max", maximum, "above the maximum")):
+    for key, bound, text in (("min", minimum, "at least"), ("max", maximum, "at most")):
         slack = ROUNDING * max(abs(bound), abs(value)) if bound is not None else 0.0
         if bound is None or not (value < bound - slack if key == "min" else value > bound + slack):
             continue
         off = abs(value - bound)
         share = f" ({float(f'{100.0 * off / bound:.3g}'):g} %)" if bound else ""
         failure = Failure(
-            code=code, key=key, message=f"{label} is {measured}, {format_si(off, dimension)}{share} {text} of {Quantity(bound, dimension)}",
+            code=code, key=key, message=f"{label} is {measured}, but must be {text} {Quantity(bound, dimension)}: "
+            f"the difference is {format_si(off, dimension)}{share}",
         )
     return Outcome(measured={name: value}, expected=expected, summary=f"{name} {measured} ({', '.join(limits)})", failure=failure)
 

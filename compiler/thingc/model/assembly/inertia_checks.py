@@ -37,7 +37,7 @@ def check_stated(robot: Connected, findings: LinkReport) -> list[int]:
         faulty.append(index)
         help = "check units and signs: the inertia is relative to the centre of mass, in the axes of the component"
         if inertia == ZERO:
-            help = "remove `inertia`: the inertia is then computed from the geometry, and a frame is a point mass"
+            help = "remove `inertia`: thingc then computes the inertia from the geometry, or uses a point mass for a frame"
         findings.error(
             Code.NOT_PHYSICAL, f"the inertia of `{one.component.name}` is not physical: {fault}",
             one.component.full_origin(stated.origin, one.origin), path=one.path, help=help,

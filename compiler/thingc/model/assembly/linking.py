@@ -49,7 +49,7 @@ def check_contacts(occurrences: Sequence[Occurrence], findings: LinkReport) -> N
         findings.error(
             Code.COLLISION_MISSING, f"`{one.path}` ({one.definition.label}) has `collision: {choice}`, but "
             + ABSENT.get(choice, f"no {choice} could be fitted to it"), one.origin, path=one.path,
-            help="write `collision: hull`, or `none` to disable contacts",
+            help="write `collision: hull`, or `collision: none` to disable contacts",
         )
 
 
@@ -137,7 +137,7 @@ def _say_apart(tree: Tree, at: Container[int]) -> None:
     model, alone = tree.model, next((one for k, one in enumerate(tree.occurrences) if k not in at), tree.top)
     tree.findings.error(
         Code.INCOMPLETE, f"`{alone.path or model.name}` is not connected to the base of `{model.name}`",
-        alone.origin or model.origin, path=alone.path or None, help="place every component except the base on one other component",
+        alone.origin or model.origin, path=alone.path or None, help="place every component except the base with `attach`, `at` or a joint",
     )
 
 

@@ -124,7 +124,8 @@ def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[L
         parent, other = (link_of[end] for end in (mate.parent, mate.child))
         if mate.free and mate.loop is None and mate.joints[0].path in looping:
             findings.error(
-                Code.LOOP, f"joint `{mate.name}` is free, but part of a loop, which would constrain it", mate.origin, path=mate.name,
+                Code.LOOP, f"the free joint `{mate.name}` is part of a loop, and a loop would constrain the joint", mate.origin,
+                path=mate.name,
                 help="remove the joint with `loop: true`, or use another `type`",
             )
         if mate.loop is not None and not mate.free and other in groups[parent]:
@@ -213,6 +214,6 @@ def _check_bases(instance: Instance, definition: AssemblyDefinition, findings: L
         return
     first, second = (instance.children[name] for name in bases[:2])
     findings.error(
-        Code.TWO_BASES, f"neither `{bases[0]}` nor `{bases[1]}` is placed: an assembly has only one base", second.origin, path=second.path,
+        Code.TWO_BASES, f"`{bases[0]}` and `{bases[1]}` is placed: an assembly has only one base", second.origin, path=second.path,
         help=f"add `attach`, `at` or a joint that places `{bases[1]}`", notes=make_notes(f"`{bases[0]}` is defined here", first.origin),
     )

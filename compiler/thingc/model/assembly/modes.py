@@ -78,7 +78,7 @@ def _holds(tree: Tree, mode: Mode) -> tuple[Hold[LinkedMount], ...]:
         if earlier is not linked:
             tree.findings.error(
                 Code.HOLD, f"mode `{mode.name}` holds `{choice.path}` twice", hold.origin, path=choice.path,
-                help="remove one of the two holds", notes=make_notes("the other hold is here", earlier.origin),
+                help="remove one of the two entries from `hold`", notes=make_notes("the other entry is here", earlier.origin),
             )
     return tuple(holds.values())
 
@@ -213,7 +213,7 @@ def _check_cone(pose: NamedPose, ball: tuple[JointEdge, ...], findings: LinkRepo
         findings.error(
             Code.POSE_LIMITS, f"pose `{pose.name}` turns `{name}` by {joint.twist.format(angle)}, outside its cone of "
             f"{joint.twist.format(cone)}", pose.origins.get(joint.path, pose.origin), path=pose.name,
-            help="write a smaller turn, or widen the cone", notes=make_notes(f"`{name}` is defined here", joint.origin),
+            help="write a smaller rotation, or widen the cone", notes=make_notes(f"`{name}` is defined here", joint.origin),
         )
 
 
@@ -240,7 +240,7 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
     elif joint.mimic is not None:
         origin = pose.origins.get(joint.mimic.joint.path, origin)
         fault = f"puts `{joint.name}`, which mimics `{joint.mimic.joint}`, at {twist.format(q)}, outside {limits}"
-        help = f"set `{joint.mimic.joint}` so that both are within their limits, or widen the limits"
+        help = f"set `{joint.mimic.joint}` so that both joints are within their limits, or widen the limits"
     else:
         fault, help = f"does not set `{joint.name}`, and its default 0 is outside {limits}", f"set `{joint.name}` in the pose"
     findings.error(
@@ -268,7 +268,7 @@ def _pairs(tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: S
         if all(sides) and not separate:
             tree.findings.error(
                 Code.CONTACTS, f"`{pair.one.text}` and `{pair.other.text}` are rigidly connected, so they cannot collide", pair.origin,
-                help="name two components of different links",
+                help="use two components of different links",
             )
         for a, b in separate:
             if not (occurrences[a].has_contacts and occurrences[b].has_contacts):
@@ -279,7 +279,7 @@ def _pairs(tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: S
                 twice.add(pair.origin)
                 names = " and ".join(f"`{occurrences[index].name}`" for index in (a, b))
                 tree.findings.error(
-                    Code.CONTACTS, f"the contact pair of {names} is listed twice", pair.origin, help="remove one of the two entries",
+                    Code.CONTACTS, f"the contact pair of {names} is listed twice", pair.origin, help="remove one of the two contact pairs",
                     notes=make_notes("the other entry is here", earlier.origin),
                 )
     return tuple(linked_pairs.values())

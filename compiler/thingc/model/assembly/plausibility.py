@@ -42,7 +42,7 @@ def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
                 Code.MIRRORED_TURN,
                 f"`{part}` is rotated by {abs(turn)} deg relative to the mirror image of `{opposite}`, on the other side of `{parent}`",
                 second.origin, path=part, notes=make_notes(f"`{opposite}` is placed here", first.origin),
-                help=f"add {turn} deg to its `turn`, or use `facing` or `mate_x` for the mounts",
+                help=f"add {turn} deg to the `turn` of `{part}`, or use `facing` or `mate_x` for the mounts",
             ):
                 break
 
@@ -168,7 +168,7 @@ def _stated_doubt(occurrence: Occurrence) -> tuple[StatedValue | None, str, str]
     distance = hypot(*(maximum(lower - at, at - upper, 0.0) for lower, at, upper in zip(low, centre, high, strict=True)))
     if distance > size:
         message = f"the centre of mass of `{occurrence.component.name}` is {length_words(distance, 3)} outside its geometry, {across}"
-        help = "check the unit (`mm`, `m`; `centre()` of a part class returns mm) and the direction of the axes"
+        help = "check the direction of the axes and the unit, such as `mm` or `m`; `centre()` of a part class returns millimetres"
         return occurrence.overrides.com, message, help
     radius = sqrt(maximum(inertia[0][0] + inertia[1][1] + inertia[2][2], 0.0) / (2.0 * mass))
     if not size / COMPACT <= radius <= SPREAD * size:
@@ -305,7 +305,7 @@ def _check_actuators(tree: Tree, occurrences: Sequence[Occurrence], mates: Seque
                 if user.rpartition("/")[0] != instance.path and (drive.gear or first_drive.gear):  # in one document, it is reported earlier
                     tree.findings.error(
                         Code.TRANSMISSION, f"actuator `{named.path}` is used twice: it drives `{user}` and `{path}`",
-                        drive.origin + instance.origin, path=path, help="remove the actuator from one of the two",
+                        drive.origin + instance.origin, path=path, help="remove the actuator from one of the two drives",
                         notes=make_notes(f"`{user}` also uses it", first_drive.origin),
                     )
             else:

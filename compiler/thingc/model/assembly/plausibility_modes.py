@@ -31,7 +31,8 @@ def check_nested_simulation(tree: Tree) -> None:
             settings = ", ".join(f"{key}: {value}" for key, value in unused.items())
             tree.findings.warn(
                 Code.NESTED_SIMULATION,
-                f"`simulation: {{{settings}}}` of the nested document `{definition.name}` is not used, and `{top.name}` does not set it",
+                f"`simulation: {{{settings}}}` of the nested document `{definition.name}` has no effect, "
+                f"because `{top.name}` does not repeat it",
                 (definition.step_origin or definition.origin) + instance.origin, path=instance.path,
                 help=f"add `simulation: {{{settings}}}` to the document of `{top.name}`",
             )
@@ -60,7 +61,7 @@ def _check_steps(top: AssemblyDefinition, findings: LinkReport) -> None:
         if isinstance(step, float) and step >= LONG_STEP:
             findings.warn(
                 Code.LONG_STEP, f"a time step of {1e3 * step:g} ms is too long for contacts: parts sink into each other, or bounce",
-                owner.step_origin, path=path, help="use 1 to 5 ms; the default of MuJoCo is 2 ms",
+                owner.step_origin, path=path, help="use a time step of 1 to 5 ms; the default of MuJoCo is 2 ms",
             )
 
 

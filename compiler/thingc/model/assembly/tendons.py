@@ -77,7 +77,7 @@ def _is_side_on_link(step: TendonStep, link_of: Sequence[int], findings: LinkRep
         return True
     findings.error(
         Code.TENDON_PATH, f"`{step.side.path}` is not on the link of `{step.mount.path}`, around which the tendon wraps", step.origin,
-        help="set `side` to a mount on the same link", path=step.side.path,
+        help="set `side` to a mount on the link of the shape", path=step.side.path,
     )
     return False
 
@@ -100,7 +100,7 @@ def set_rest_length(
             if x * x + y * y + (z * z if step.shape == "sphere" else 0.0) <= step.radius**2:
                 findings.error(
                     Code.TENDON_PATH, f"`{step.side.path}` is inside the {step.shape} around which the tendon wraps", step.origin,
-                    help="set `side` to a mount outside the shape; the tendon passes the shape on this side", path=step.side.path,
+                    help="set `side` to a mount outside the shape, on the side on which the tendon passes the shape", path=step.side.path,
                 )
                 return tendon
     if tendon.dynamics.stiffness is None or tendon.dynamics.rest is not None:

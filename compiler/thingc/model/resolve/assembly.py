@@ -87,7 +87,7 @@ def _check_count(context: ResolveRun, scope: Scope) -> None:
         context.overfull = True
         scope.error(
             Code.TOO_MANY, f"more than {MAX_DEFINITIONS} nested assemblies with different parameters", ("name",),
-            help="nest fewer documents, or use fewer different parameters",
+            help="nest fewer documents, or use fewer different values of their parameters",
         )
 
 

@@ -106,7 +106,7 @@ def _image(node: ComponentScope, table: DocumentScope, definition: AssemblyDefin
             Code.MIRROR_AXES, f"`{node.name}` is mirrored along {axis}, but `{name}` in it is already mirrored along {its}",
             (*node.path, "mirror"),
             help=f"write `mirror: {its}` here, or `mirror: {axis}` in the nested document; "
-            "the axis makes no difference for components placed by mounts",
+            "for components that are placed by mounts, both axes give the same result",
             notes=[Note(message=f"`{inner.name}` is mirrored here", span=inner.scope.span((*inner.path, "mirror")))],
         )
         return None

@@ -80,7 +80,8 @@ def pairs(
             else:
                 scope.error(
                     Code.CONTACTS, f"the contacts of `{pair.one.text}` and `{pair.other.text}` are excluded, and listed under `pairs`",
-                    (*at, "between"), help="remove one of the two entries", notes=make_notes("the pair is excluded here", excluded_here),
+                    (*at, "between"), help="remove the pair from `pairs` or from `exclude`",
+                    notes=make_notes("the pair is excluded here", excluded_here),
                 )
 
 
@@ -91,12 +92,12 @@ def _pairs_of(table: DocumentScope, scope: Scope, spec: PairSpec, path: Path) ->
     if gap is not None and gap > (margin or 0.0) and (margin is None) is (spec.margin is None):
         scope.error(
             Code.CONTACTS, "`gap` is larger than `margin`, so the contact transmits no force", (*path, "gap"),
-            help="write a `gap` of at most the `margin`",
+            help="write a `gap` that is not larger than the `margin`",
         )
     if sides[0] == sides[1] and len(sides[0]) == 1:
         scope.error(
             Code.CONTACTS, f"`{sides[0][0].text}` cannot collide with itself", (*path, "between"),
-            help="name two components of different links",
+            help="use two components of different links",
         )
     coefficients = friction(scope, spec.friction, (*path, "friction"))
     unique = {frozenset(ends): ends for ends in product(*sides) if len(set(ends)) == 2}
@@ -110,7 +111,7 @@ def groups(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> Itera
     for name, spec in (specs or {}).items():
         at = (*path, name)
         if name == OTHERS:
-            message = f"`{OTHERS}` is the group of all components without a group"
+            message = f"`{OTHERS}` is reserved for all components that are not in another group"
             scope.error(Code.RESERVED_NAME, message, at, key=True, help="rename the group")
         for index, other in enumerate(spec.collide):
             if other not in (*specs, OTHERS):

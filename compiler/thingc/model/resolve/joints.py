@@ -138,7 +138,9 @@ def _coordinates(
         _refuse(item, "reverse", f"is {kind.name} and cannot have `reverse`", "remove `reverse`", typed=False)
     if item.spec.keep and (kind.moves or item.spec.loop):
         reason = f"is {kind.name}" if kind.moves else "closes a loop"
-        _refuse(item, "keep", f"{reason} and cannot have `keep`: its sides are always separate links", "remove `keep`", typed=False)
+        _refuse(
+            item, "keep", f"{reason} and cannot have `keep`: the joint always connects two separate links", "remove `keep`", typed=False,
+        )
     if kind.free:
         return _free(table, item, kind, (parent, child), layers)
     if kind.at_once:
@@ -227,7 +229,7 @@ def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int
         if spec.armature is not None:
             scope.error(
                 Code.DRIVE, f"drive {number} of ball joint `{name}` has an `armature`: a ball has one `armature` for all axes",
-                (*axis_path[:-1], "armature"), key=True, help="set it under `dynamics` of the joint",
+                (*axis_path[:-1], "armature"), key=True, help="set `armature` under `dynamics` of the joint",
             )
         axis = scope.direction(spec.axis, axis_path, f"the axis of drive {number} of joint `{name}`", Code.DRIVE)
         if axis is not None and drive is not None:
@@ -350,7 +352,7 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
     low = high = None
     cone = layers.pick("cone")
     if cone.own:
-        help = "only a `ball` has a cone; use `lower` and `upper`"
+        help = "use `lower` and `upper`: only a ball joint has a cone"
         _refuse(item, cone.path, f"is {kind.name} and cannot have a `limit.cone`", help, code=Code.LIMIT, typed=False)
     if not kind.may_stop:
         unsupported = {f"`limit.{key}`": setting for key, setting in ends.items() if setting.own}
@@ -389,7 +391,7 @@ def _cone(item: Unrolled[JointSpec], layers: DefaultLayers) -> Limit:
     unsupported = [key for key in ("lower", "upper", "effort", "velocity") if layers.pick(key).own]
     if unsupported:
         text, path = f"is a ball and cannot have `limit.{unsupported[0]}`", layers.pick(unsupported[0]).path
-        help = "limit its angle by `cone`, and effort and velocity in its drives"
+        help = "limit the angle of the joint with `cone`, and limit effort and velocity in the drives of the joint"
         _refuse(item, path, text, help, code=Code.LIMIT, typed=False)
     return Limit(cone=item.scope.number(*layers.pick("cone"), ANGLE, f"`limit.cone` of joint `{item.name}`", above=0.0))
 

@@ -60,7 +60,7 @@ def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut
     for index, pattern in enumerate(patterns or ()):
         entry_path = (*path, index)
         if pattern in patterns[:index]:
-            scope.error(Code.CUT, f"`{pattern}` is listed twice in `cut`", entry_path, help="remove one of the two entries")
+            scope.error(Code.CUT, f"`{pattern}` is listed twice in `cut`", entry_path, help="remove one of the two entries from `cut`")
             continue
         matches = [CoordinateName(pattern)] if pattern in joints else [name for name in joints if fnmatchcase(name.joint, pattern)]
         resolved = [(name.joint, joint) for name in matches if (joint := joints[name]) is not None]
@@ -292,7 +292,7 @@ def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
     if z != 0.0 and xyz_layer == floor_layer:
         scope.error(
             Code.HEIGHT, f"mode `{name}` sets the height of the robot twice: by `on: floor` and by a height of {Quantity(z, LENGTH)}",
-            (*xyz.path, 2), help="set z to `0`, or remove `on: floor`",
+            (*xyz.path, 2), help="set z of `at` to `0`, or remove `on: floor`",
         )
     return replace(pose, translation=(x, y, 0.0)), True
 
@@ -305,7 +305,8 @@ def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, mode_h
             scope.error(
                 Code.HEIGHT,
                 f"mode `{name}` sets the height of the robot twice: by `on: floor` and by the hold of `{hold.mount.text}` at a fixed place",
-                ("modes", name, "hold"), span=hold.origin[0], help=f"write `{hold.mount.text}: here`, or set a height in `at`",
+                ("modes", name, "hold"), span=hold.origin[0],
+                help=f"write `{hold.mount.text}: here`, or replace `on: floor` with a height in `at`",
                 notes=[Note(message="`on: floor` is set here", span=scope.span(on.path))],
             )
 
@@ -347,8 +348,8 @@ def _actuators(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tup
         names = [name for name, _ in group]
         missing = [f"`{name}`" for name in names if name.path not in chosen]
         if 0 < len(missing) < len(names):
-            message = f"a mode uses some drives of a differential, but not {', '.join(missing)}"
-            help = "add the missing drives: the other drives cannot control all joints of the differential"
+            message = f"the mode uses only some drives of a differential; not used: {', '.join(missing)}"
+            help = "use all drives of the differential, because fewer drives cannot control all of its joints"
             scope.report.warn(Code.TRANSMISSION, message, scope.origin(path), help=help, allow=True)
     return chosen
 
@@ -427,7 +428,7 @@ def place_in_modes(table: DocumentScope, placements: dict[str, Attach | At | Non
         if not isinstance(at, At):
             scope.error(
                 Code.BROKEN_RULE, f"`{node.name}` has `mode` but no `at`, the pose at which the mode is placed", path, key=True,
-                help="write, for example, `at: {in: room.origin}`, with a component `room: {frame: true}`",
+                help="add a component such as `room: {frame: true}`, and write `at: {in: room.origin}`",
             )
             missing_pose = node.unplaced = True
             continue
@@ -470,6 +471,6 @@ def _mode_of(node: ComponentScope, inner: DocumentScope, name: str) -> Mode | No
     if feature is not None:
         scope.error(
             Code.REFERENCE, f"mode `{name}` of `{node.name}` has {feature}, which a nested assembly does not support", path,
-            help="use a mode with another base, and set its height in `at` of the component",
+            help="use a mode with another base, and set the height of the mode in `at` of the component",
         )
     return mode if feature is None else None

@@ -55,7 +55,7 @@ def _through_poses(table: DocumentScope, scope: Scope, name: str, written: Seque
             report_unmatched(scope, point.pose, table.poses, (*at, "pose"), "pose")
         time = scope.number(point.time, (*at, "time"), TIME, "`time`")
         if time is not None and (fault := _time_fault(time, times[-1] if times else None)) is not None:
-            scope.error(Code.MOTION, fault, (*at, "time"), help="sort the poses by time, from 0 s")
+            scope.error(Code.MOTION, fault, (*at, "time"), help="sort the poses by time, starting at 0 s")
             time = None
         times.append(time)
     known, instants = [pose for pose in poses if pose is not None], [time for time in times if time is not None]
@@ -129,7 +129,7 @@ def _columns(joints: Mapping[CoordinateName, Joint], header: Row) -> dict[str, f
             columns[name] = _factor(unit, dimensions[name], span)
         elif joint is not None:
             why = f"mimics `{joint.mimic.joint}`" if joint.mimic is not None else f"is {joint.kind.words}"
-            raise _WrongCell(f"joint `{name}` {why}: a file cannot set it", span, "remove the column")
+            raise _WrongCell(f"joint `{name}` {why}, so a CSV file cannot set this joint", span, "remove the column")
         else:
             raise _WrongCell(f"there is no joint `{shorten(name)}`", span, suggest(name, dimensions, what="columns"))
     required = [TIME_COLUMN, *(name for name, joint in joints.items() if name in dimensions and (joint.drive is not None or joint.geared))]

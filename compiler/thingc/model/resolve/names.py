@@ -50,7 +50,10 @@ def names(table: DocumentScope, scope: Scope) -> Iterator[NameInFiles]:
                     help = suggest(own, known, what=what.replace("joint or", "joints or") + "s")
                     scope.error(code, f"this document has no {what} `{own}`", place, key=True, help=help)
             elif name in TAKEN.get(kind, ()):
-                scope.error(Code.RESERVED_NAME, f"`{name}` is reserved in files and cannot name `{own}`", place, help="choose another name")
+                scope.error(
+                    Code.RESERVED_NAME, f"`{name}` is a reserved name in files, and cannot be the name of `{own}`", place,
+                    help="choose another name",
+                )
             elif (other := owners.setdefault(name, own)) != own:
                 scope.error(
                     Code.SAME_NAME, f"`{other}` and `{own}` would both be named `{name}` in files", place,

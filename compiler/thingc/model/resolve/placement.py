@@ -153,9 +153,9 @@ def _loop_hint(way: str) -> str:
 
 
 def _report_bases(table: DocumentScope, free: list[str]) -> None:
-    message = f"{len(free)} components are not placed: {quote_names(free, 6)}; only one, the base, may be left unplaced"
+    message = f"{len(free)} components are not placed: {quote_names(free, 6)}; only the base component may be left unplaced"
     if len(free) == 2:
-        message = f"`{free[0]}` and `{free[1]}` are not placed; only one component, the base, may be left unplaced"
+        message = f"`{free[0]}` and `{free[1]}` are not placed; only the base component may be left unplaced"
     second = table.nodes[free[1]]
     table.scope.report.add(
         Code.TWO_BASES, message, second.scope.span(second.path, key=True), path=f"components.{free[1]}",

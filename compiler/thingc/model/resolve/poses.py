@@ -164,7 +164,7 @@ def _set(scope: Scope, joints: Joints, names: list[CoordinateName], raw: Any, pa
             help = f"set `{name.rpartition('.')[0] + '.' if '.' in name else ''}{joint.mimic.joint}`"
             notes = make_notes("`mimic` is set here", joint.mimic.origin)
         elif isinstance(raw, str):
-            message = f"joint `{name}` must be {coordinate.words} (such as {coordinate.example}), found the string `{raw}`"
+            message = f"the value of joint `{name}` must be {coordinate.words} (such as {coordinate.example}), found the string `{raw}`"
             help, key = f"an expression begins with `=`: `={raw}`" if raw in scope.names else None, False
         else:
             subject = f"the value of joint `{name}`" if exact else f"the value of joint `{name}`, which the pattern matches,"

@@ -122,7 +122,10 @@ EXAMPLES = {
 }
 """The targets that accept raw attributes, each with an example of an attribute of a joint."""
 
-IN_PLACE = {"ros": "write them under `urdf`: the URDF in the ROS package contains them, too", "mjz": "write them under `mjcf`"}
+IN_PLACE = {
+    "ros": "write the attributes under `urdf`, which also applies to the URDF file in the ROS package",
+    "mjz": "write the attributes under `mjcf`",
+}
 """Hints for targets that contain files of other targets."""
 
 

@@ -53,7 +53,7 @@ def replace_index(scope: Scope, text: str, path: Path, *, key: bool = False) -> 
     notes: list[Note] = []
     if scope.index is None:
         message = f"`{unknown[0]}` in `{text}` is an index, but there is no `repeat` here"
-        help = "add `repeat: {count: ...}`, or write the number"
+        help = "add `repeat: {count: ...}`, or replace the index with a number"
     else:
         message, help = f"unknown index `{unknown[0]}` in `{text}`", f"the index of this repeat is `${scope.index[0]}`"
         notes = scope.second_note("the `repeat` is defined here", (*path[:2], "repeat", "as"), path)
@@ -88,7 +88,7 @@ def split_names(scope: Scope, text: str, path: Path, *, key: bool = False) -> tu
     item = re.fullmatch(r"([A-Za-z]\w*)\[(\d+)\]", invalid, re.ASCII)
     if item is not None:
         corrected = ".".join(f"{item.group(1)}_{item.group(2)}" if part == invalid else part for part in parts)
-        help = f"refer to an item of a list by its number: `{corrected}`"
+        help = f"write the number of the item after an underscore: `{corrected}`"
     elif GLOB.search(invalid):
         message, help = f"`{filled}` is a pattern, but a single name is required here", "write the name in full"
     scope.error(Code.REFERENCE, message, path, help=help, key=key)
@@ -227,7 +227,7 @@ def suggest(name: str, names: Iterable[str], *, what: str) -> Hint:
     For the name `none`, the hint explains that the key should be omitted.
     """
     if name.lower() == "none":
-        return "to use none, remove the key"
+        return "if you do not need a value, remove the key"
     return did_you_mean(name, islice(names, MAX_SUGGESTED), what=what)
 
 
@@ -370,7 +370,7 @@ def _report_single(table: DocumentScope, scope: Scope, name: str, path: Path, ke
         if 0 < len(having) <= 3:
             help = f"did you mean {' or '.join(having)}?"
         elif nearest(name, islice(table.nodes, MAX_SUGGESTED)) is not None:
-            help = f"{str(help)[:-1]}, with one of its mounts after a `.`?"
+            help = f"{str(help)[:-1]}, followed by a `.` and a mount of this component?"
     scope.error(Code.REFERENCE, message, path, help=help, key=key, notes=notes)
 
 
@@ -387,7 +387,7 @@ def _report_component(
     repeated = inner.spec.components.get(name)
     if name in inner.exports:
         message = f"`{name}` is an exported mount of {owner}, and has no components"
-        help = f"write `{'.'.join(parts[: depth + 1])}`" if depth else "start with a component"
+        help = f"write `{'.'.join(parts[: depth + 1])}`" if depth else "start the reference with a component"
         notes = [Note(message=f"`{name}` is exported here", span=inner.scope.span(("mounts", name), key=True))]
     elif repeated is not None and repeated.repeat is not None:
         copies = [one.name for one in inner.nodes.values() if one.path == ("components", name)]

@@ -114,10 +114,13 @@ def check_names(scope: Scope, names: Iterable[tuple[str, Path, str]], *, reserve
     seen: dict[str, tuple[str, Path, str]] = {}
     for name, path, what in names:
         if reserved and name in RESERVED:
-            scope.error(Code.RESERVED_NAME, f"`{name}` is reserved and cannot name {what}", path, key=True, help="choose another name")
+            scope.error(
+                Code.RESERVED_NAME, f"`{name}` is a reserved name, and cannot be the name of {what}", path, key=True,
+                help="choose another name",
+            )
             continue
         first = seen.setdefault(name.lower(), (name, path, what))
         if first[1] != path:
             note = [Note(message="the other element is defined here", span=scope.span(first[1], key=True))]
-            clash = f"names both {first[2]} and {what}" if first[0] == name else f"and `{first[0]}` differ only in case"
+            clash = f"is the name of both {first[2]} and {what}" if first[0] == name else f"and `{first[0]}` differ only in case"
             scope.error(Code.NAME_CLASH, f"`{name}` {clash}", path, key=True, notes=note, help="rename one of the two elements")

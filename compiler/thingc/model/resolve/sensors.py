@@ -156,7 +156,8 @@ class _Reader:
 
     def _report_undriven(self, what: str, name: str, place: Path, *, key: bool) -> None:
         self.scope.error(
-            Code.JOINT_FIELD, f"{what} `{name}` has no drive to measure", place, key=key, help=f"add a `drive`, or measure the {what}",
+            Code.JOINT_FIELD, f"{what} `{name}` has no drive to measure", place, key=key,
+            help=f"add a `drive` to the {what}, or measure the {what} itself",
         )
 
     def _joint(self) -> Joint | None:

@@ -86,7 +86,7 @@ def _mesh(context: ResolveRun, scope: Scope, spec: ContactShapeSpec, path: Path)
         if stat.st_size > LARGEST:
             scope.error(
                 Code.TOO_LARGE, f"`{shorten(spec.mesh or '')}` is {stat.st_size // 1_000_000} MB, but mesh files may have at most "
-                f"{LARGEST // 1_000_000} MB", (*path, "mesh"), help="simplify the mesh: tens of thousands of triangles are enough",
+                f"{LARGEST // 1_000_000} MB", (*path, "mesh"), help="simplify the mesh to a few tens of thousands of triangles",
             )
             return None
         library_files = tuple(os.path.join(os.path.dirname(absolute), name) for name in libraries(absolute))

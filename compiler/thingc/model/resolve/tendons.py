@@ -69,7 +69,7 @@ def _sound(scope: Scope, name: str, steps: Sequence[PathStep], path: Path) -> bo
             help = "add mounts to the path directly before and after the shape"
         elif kind == "mount" and before == after == "pulley":
             fault = f"tendon `{name}` has only one mount here"
-            help = "a path, and each of its segments between pulleys, needs at least two mounts"
+            help = "add a mount: a path, and each section between two pulleys, needs at least two mounts"
         elif kind == "pulley" and (number == 0 or after == "pulley"):
             fault, help = f"a pulley of tendon `{name}` has no path before or after it", "remove the pulley"
         else:
@@ -114,7 +114,7 @@ def moving_joint(table: DocumentScope, scope: Scope, text: str, place: Path, can
         why = "does not move" if joint.twist is None else "has no single coordinate"
         scope.error(
             Code.JOINT_FIELD, f"{cannot} `{text}`, which is {joint.kind.name} and {why}", place, key=key, notes=joint.definition_note(text),
-            help="use a coordinate that rotates about one axis or slides along one",
+            help="use a joint that rotates about one axis, or slides along one axis",
         )
         return None
     return joint
@@ -155,7 +155,7 @@ def _tendon(
             if getattr(spec.drive, key) is not None:
                 scope.error(
                     Code.DRIVE, f"the drive of tendon `{name}` cannot have `{key}`", (*path, "drive", key), key=True,
-                    help="set it under `dynamics`" if key == "armature" else f"remove `{key}`",
+                    help="set `armature` under `dynamics` of the tendon" if key == "armature" else f"remove `{key}`",
                 )
         keys = [key for key in DRIVE_VALUES if key != "armature"]
         given = drive_values(scope, owner, coordinate, "drive", spec.drive, (*path, "drive"), keys)

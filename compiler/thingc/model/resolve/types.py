@@ -25,7 +25,7 @@ from thingc.geometry.record import DriveType, MountRecord, PartDefinition, Value
 from thingc.model.resolve.coordinates import Coordinate, CoordinateName, DriveValues, Dynamics, Gear, Limit
 from thingc.model.resolve.link_definition import LinkDefinition
 
-COUNTED = "the reference is repeated this often"
+COUNTED = "this `count` determines how often the reference is repeated"
 """The text of a note that shows the count of a `repeat`, if an indexed reference in the `repeat` is invalid."""
 
 

@@ -34,7 +34,7 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
         missing = next(link for link in assembly.links if link.index not in reached)
         report.add(
             Code.UNREACHED, f"link `{missing.name}` is not connected to the root of mode `{mode.name}`", missing.origin,
-            path=missing.name, help="attach its components to components that are connected to the root",
+            path=missing.name, help="attach the components of this link to components that are connected to the root",
         )
         return None
     closures = closures_of(assembly, mode, bodies, tree_mates, report, memo)

@@ -58,7 +58,7 @@ def closures_of(
             report.add(
                 Code.HOLD, f"mode `{mode.name}` holds `{choice.path}`, which does not move: "
                 f"it is on the root `{assembly.links[link].name}`", hold.origin, path=choice.path,
-                help="hold a mount of another link, or remove the hold",
+                help="list a mount of another link under `hold`, or remove the mount",
                 notes=[Note(message=f"`{assembly.links[link].name}` is defined here", span=assembly.links[link].origin[0])],
             )
             sound = False
@@ -86,7 +86,7 @@ def _check_cuts(assembly: Assembly, mode: LinkedMode, tree_mates: Collection[int
         help: Hint
         if fixed is not None:
             reason = f"whose loop is already cut at the fixed joint `{fixed.loop}`"
-            help = "remove the joint from `cut`: a loop that a fixed joint closes is cut at the fixed joint"
+            help = "remove the joint from `cut`: thingc cuts a loop with a fixed joint at the fixed joint"
             notes = [Note(message=f"`{fixed.loop}` is defined here", span=fixed.origin[0])]
         elif closed:
             other = next(other for other in mode.cut if other.joint == closed[0].name)
@@ -222,14 +222,14 @@ def _report(
     else:
         closure, residual = _worst(loops, best)
         help = (
-            "move the hold, or widen the limits of the joints" if closure.hold
+            "move the mount under `hold`, or widen the limits of the joints" if closure.hold
             else "change the lengths in the loop, or the limits of its joints"
         )
     far = residual_words(residual)
     if closure.hold:
-        message = f"mode `{mode.name}` cannot hold `{closure.path}` in place{place}: at best it is {far} away"
+        message = f"mode `{mode.name}` cannot hold `{closure.path}` in place{place}: the smallest error found is {far}"
     else:
-        message = f"the loop through joint `{closure.path}` does not close{place}: at best its ends are {far} apart"
+        message = f"the loop through joint `{closure.path}` does not close{place}: the smallest error found is {far}"
     report.add(Code.UNCLOSED, message, closure.origin, path=closure.path, help=help)
 
 

@@ -99,7 +99,7 @@ def _warn_below(group: Sequence[Robot], part: Occurrence, depth: float, bound: b
         typed = shlex.join(["thingc", "set", shown_path(mode.origin[0].file), f"modes.{mode.name}.at.on=floor"])
         help = f"run `{typed}` to put the robot on the floor, or write, for example, `at: {{xyz: 0 0 {raised}}}`"
     if height < 0.0:
-        help = f"check the sign of the height in `at`: it is {Quantity(height, LENGTH)}"
+        help = f"check the sign of the height in `at`, which is {Quantity(height, LENGTH)}"
     message = f"starts with `{part.path}` {'at least ' if bound else ''}{depth_text} below the plane z = 0 of its scene"
     _warn(group, Code.START_BELOW, message, part.path, part.origin, report, help=help)
 
@@ -174,7 +174,7 @@ def _check_poses(robots: Sequence[Robot], report: Report) -> None:
             continue
         path, *more = sorted(moved, key=lambda path: -abs(moved[path]))
         old, new = (joints[path].twist.format(value) for value in (pose.values[path], pose.values[path] + moved[path]))
-        lost = ", too far for a keyframe" if isinstance(frames[pose.name], Unclosed) else ""
+        lost = ", a difference that is too large for a keyframe" if isinstance(frames[pose.name], Unclosed) else ""
         others = f" ({format_count(len(more), 'other value')} of the pose must also change)" if more else ""
         report.warn(
             Code.POSE_MOVED, f"pose `{pose.name}` sets `{path}` to {old}, but the loops of the robot close only at {new}{lost}{others}",

@@ -300,7 +300,8 @@ def _report_overlaps(start: InitialState, other_modes: Sequence[str], report: Re
         Code.START_CONTACT,
         f"at the start of mode `{robot.mode.name}`{pose}, the collision shapes of `{deepest.one}` and `{deepest.other}` overlap by {depth}",
         robot.mode.origin, path=robot.mode.name, notes=notes,
-        help=f"change the pose, choose another `collision` for one of the two, or write `contacts: {{exclude: [[{pair}]]}}`", allow=True,
+        help=f"change the pose, choose another `collision` for one of the two parts, or write `contacts: {{exclude: [[{pair}]]}}`",
+        allow=True,
     )
 
 
@@ -315,7 +316,8 @@ def _report_gains(gains: Gains, joint: TreeJoint, robot: Robot, other_drives: Se
         notes.append(Note(message=f"{quote_names(other_drives, LISTED)} have the same drive"))
     report.warn(
         Code.CHATTER,
-        f"{fault}: its inertia is {gains.inertia:.2g} {weight} (mode `{robot.mode.name}`), and the time step is {1e3 * gains.dt:g} ms",
+        f"{fault}: the inertia of the joint is {gains.inertia:.2g} {weight} (mode `{robot.mode.name}`), and the time step is "
+        f"{1e3 * gains.dt:g} ms",
         origin, path=joint.path, notes=notes,
         help=f"{remedy}; or set `armature: {_round_up(needed)} {weight}`, or a smaller `timestep`", allow=True,
     )

@@ -97,7 +97,7 @@ class _Reader:
             return motor.ticks_per_turn / (2.0 * math.pi)
         if motor.resolution is not None:
             message = f"the `resolution` of joint `{name}` must be {coordinate.words}, found `{motor.resolution}`"
-            self._error(Code.DIMENSION, message, "resolution", help="write the motion of the joint per tick", name=name)
+            self._error(Code.DIMENSION, message, "resolution", help="write the angle or the length per encoder tick", name=name)
         else:
             message = f"joint `{name}` does not rotate: `ticks_per_turn` needs a rotation"
             self._error(Code.DIMENSION, message, "ticks_per_turn", help="write, for example, `resolution: 0.01 mm`", name=name)
@@ -111,7 +111,7 @@ class _Reader:
                 return (0, count - 1) if count is not None else (motor.offset, motor.offset)
             ends = sorted(round(motor.offset + motor.sign * q * ticks) for q in limits if q is not None)
             if count is not None and ends[1] - ends[0] >= count:
-                message = f"the limits of joint `{name}` span {ends[1] - ends[0]} ticks, but its encoder has only {count} values"
+                message = f"the limits of joint `{name}` span {ends[1] - ends[0]} ticks, but the encoder has only {count} values"
                 self._error(Code.OUT_OF_RANGE, message, help="use `resolution` for an encoder that counts several turns", name=name)
             return ends[0], ends[1]
         for number, value in enumerate(motor.range):
@@ -119,7 +119,7 @@ class _Reader:
             for limit, beyond in zip(limits, (-1.0, 1.0), strict=True):
                 if limit is not None and beyond * (q - limit) > 1.0 / ticks:
                     side, position, end = "upper" if beyond > 0 else "lower", joint.twist.format(q), joint.twist.format(limit)
-                    message = f"{value} ticks are {position}, beyond the {side} limit {end} of joint `{name}`"
+                    message = f"{value} ticks correspond to {position}, beyond the {side} limit {end} of joint `{name}`"
                     help = "correct `offset` and `sign`, or the limits of the robot"
                     self._error(Code.OUT_OF_RANGE, message, "range", number, help=help, name=name)
         return motor.range[0], motor.range[1]

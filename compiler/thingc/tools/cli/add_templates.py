@@ -74,7 +74,7 @@ def _part(arguments: argparse.Namespace, documents: Documents | None) -> Documen
     folder = next(iter(workspace.parts), os.path.join(workspace.root, "parts"))
     path = (place.file if place.workspace else None) or os.path.join(folder, f"{module}.py")
     if not workspace.contains(path):
-        message = f"`{shown_path(path)}` is outside the workspace (through a symbolic link)"
+        message = f"a symbolic link leads out of the workspace: `{shown_path(path)}`"
         raise console.WrongCommandLine(message, "use another module: `thingc add part MODULE:CLASS`")
     return _new_part(arguments, documents, reference, path)
 
@@ -85,8 +85,8 @@ def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geo
     This function ignores errors in the code of the part, because `thingc check` reports them.
     """
     if documents is None:
-        message = f"`{shorten(reference)}` already exists; to place it, add a document"
-        raise console.WrongCommandLine(message, "write --to robot.yaml")
+        message = f"the part `{shorten(reference)}` already exists; to place the part in a document, use --to"
+        raise console.WrongCommandLine(message, "write, for example, --to robot.yaml")
     name = reference.rpartition(":")[2]
     component = arguments.component or (_snake(name) if re.fullmatch(NAME, name) else "part")
     answer = geometry.describe([reference])[reference]
@@ -100,7 +100,9 @@ def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geo
         if arguments.on is not None and arguments.by is None:
             mount = _sole_mount(reference, list(record.mounts) or ["origin"], "bottom")
     elif isinstance(answer, PartSchema) and definition is None and arguments.on is not None and arguments.by is None:
-        raise console.WrongCommandLine(f"`{reference}` needs parameters, so its mounts are unknown", "specify its mount with --by")
+        raise console.WrongCommandLine(
+            f"`{reference}` needs parameters, so its mounts are unknown", "specify a mount of the part with --by",
+        )
     return DocumentEdit(values={("components", component): {**value, **_placement_keys(arguments, documents.root, component, mount)}})
 
 
@@ -112,7 +114,7 @@ def _sole_mount(whose: str, mounts: Sequence[str], usual: str) -> str:
     if usual in mounts or not mounts:
         return usual
     if len(mounts) > 1:
-        help = f"specify one with --by ({did_you_mean('', mounts, what='mounts')})"
+        help = f"specify one of the mounts with --by ({did_you_mean('', mounts, what='mounts')})"
         raise console.WrongCommandLine(f"`{whose}` has several mounts", help)
     return mounts[0]
 

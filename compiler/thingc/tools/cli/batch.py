@@ -293,7 +293,7 @@ def _adopt(arguments: argparse.Namespace, options: Options) -> int:
     planned = plan(arguments.document, options=options)
     adopted = find_variant(planned, arguments.adopt, planned.folder_in(arguments.output))
     if adopted is None:
-        help = "see results.csv for identifiers; `--dry-run` shows the first ones"
+        help = "results.csv lists the identifiers of all variants; `--dry-run` shows the first identifiers"
         raise console.WrongCommandLine(f"`{planned.name}` has no variant `{arguments.adopt}`", help)
     variant, rule = adopted
     if rule is not None:

@@ -284,7 +284,7 @@ def require_document(path: str) -> None:
     if is_folder:
         raise WrongCommandLine(f"expected a document, found the folder `{path}`", suggest_document("", folder, nearby), Code.NO_DOCUMENT)
     if os.path.exists(path) and not is_file:
-        raise WrongCommandLine(f"`{path}` is not a regular file", "name a regular file", Code.NO_DOCUMENT)
+        raise WrongCommandLine(f"`{path}` is not a regular file", "use a regular file", Code.NO_DOCUMENT)
     if is_file:
         message = f"`{path}` is not a document ({', '.join(DOCUMENT_SUFFIXES)})"
         raise WrongCommandLine(message, file_meant(path, nearby, what="documents"), Code.NO_DOCUMENT)
@@ -325,7 +325,7 @@ def expand_paths(arguments: Iterable[str]) -> list[str]:
             inside = [path if os.path.isabs(argument) else shown_path(path) for path in documents_in(argument)]
             if not inside:
                 help = "start a document with `thingc: assembly/1` or another kind"
-                raise WrongCommandLine(f"there is no document below `{argument}`", help, Code.NO_DOCUMENT)
+                raise WrongCommandLine(f"there is no document in `{argument}` or its subfolders", help, Code.NO_DOCUMENT)
         for path in inside:
             paths.setdefault(os.path.realpath(path), path)
     return list(paths.values())

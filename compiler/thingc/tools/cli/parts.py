@@ -129,7 +129,7 @@ def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
             named = [word]  # a function, or a class that a package imports from another package
         modules = [module for module in installed if module.startswith(f"{word}.")]
         if not named and modules:
-            help = f"list some of its modules, or classes in them: {', '.join(f'`{module}`' for module in modules)}"
+            help = f"list single modules of this package, or single classes: {', '.join(f'`{module}`' for module in modules)}"
             raise console.WrongCommandLine(f"`{word}` is a package of {len(modules)} modules, too many to list", help)
         if not named:
             known = {*references, *(one.partition(":")[0] for one in references), *installed}

@@ -151,7 +151,7 @@ def check_confined(path: str, options: Options, source: ImportRequest, *, strict
 
     if path.lower().endswith(".xacro"):
         report, message = Report(), "the file was not checked, because xacro evaluates Python expressions"
-        help = "expand it with `xacro` and check the URDF file, or omit `--no-code`"
+        help = "expand the file with `xacro` and check the URDF file, or omit `--no-code`"
         report.add(Code.SOURCE_XML, message, line_of(os.path.abspath(path)), help=help, severity=Severity.WARNING)
         return console.final(report, strict=strict), None
     if path.lower().endswith(".xml"):

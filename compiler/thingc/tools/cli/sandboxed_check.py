@@ -103,7 +103,7 @@ def _costly(in_time: bool, status: int, seconds: float, memory: int) -> Diagnost
     ended_by = os.WTERMSIG(status) if os.WIFSIGNALED(status) else None
     if not in_time:
         message = f"the check was stopped: it made no progress for {seconds * PATIENCE:g} s"
-        help = "check whether the machine is busy, or a file of the workspace cannot be read"
+        help = "check whether the machine is overloaded, and whether all files of the workspace can be read"
     elif ended_by == signal.SIGPROF:
         message = f"the check was stopped: it needs more than {seconds:g} s of CPU time"
         help = "make the documents smaller, or allow more time with --time-limit"
@@ -113,7 +113,7 @@ def _costly(in_time: bool, status: int, seconds: float, memory: int) -> Diagnost
     else:
         reason = f"by {signal.Signals(ended_by).name}" if ended_by is not None else f"with status {os.WEXITSTATUS(status)}"
         message = f"the check ended early, {reason}"
-        help = "treat the documents as hostile, and please report this"
+        help = "do not trust these documents, and report this problem"
     return console.error(message, help, Code.TOO_COSTLY)
 
 

@@ -78,7 +78,7 @@ def _make_request(sides: Sequence[Side], documents: Sequence[str]) -> Comparison
     old, new = sides
     kinds = {old.kind, new.kind}
     if documents and not kinds <= {"revision", "checkout"}:
-        message = "documents after `--` require two revisions"
+        message = "documents after `--` can only be used with two revisions"
         raise UnknownComparison(message, "write `thingc diff OLD.yaml NEW.yaml`")
     if "revision" in kinds and len(kinds) == 2 and kinds & _FILES:  # compare the file in the revision with the file in the checkout
         document = next(side for side in sides if side.kind in _FILES).place

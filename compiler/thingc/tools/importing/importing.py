@@ -51,7 +51,7 @@ def refuse_endless(robot: SourceRobot, report: Report) -> None:
             continue
         of, where = link.weight.properties, link.weight.where
         if not all(map(math.isfinite, (of.mass, *of.centre, *sum(of.inertia, ())))):
-            message = f"mass or inertia of link `{link.name}` is not finite"
+            message = f"the mass or the inertia of link `{link.name}` is not finite"
             report.add(Code.SOURCE_VALUE, message, where, help="check the sizes and densities of its shapes")
         elif of.mass > HEAVIEST:
             message = f"link `{link.name}` has a mass of {of.mass:.3g} kg, but at most {HEAVIEST:g} kg is supported"
@@ -104,7 +104,7 @@ def import_robot(path: str, report: Report, request: ImportRequest = PLAIN) -> I
         roots, repair = [*(name for name in earlier.roots if name in links), *roots], repair or earlier.repair
         meshes, keep = meshes and earlier.with_meshes, keep or earlier.keep
     elif request.update:
-        message = "--update: there is no import in that folder, or its `import.json` has been modified"
+        message = "--update: the folder does not contain an import, or `import.json` has been modified"
         report.add(Code.COMMAND_LINE, message, None, help="specify the folder with -o, or import without --update")
     if report.failed:
         return None

@@ -130,12 +130,15 @@ def _refuse(message: str, worst: Sequence[SourceLink], members: Sequence[SourceL
     first = worst[0]
     where = first.where if first.weight is None else first.weight.where
     help = {
-        None: "correct it, or import the robot with `--repair inertia=nearest` (the nearest physical inertia) or `--repair inertia=shapes`",
+        None: "correct the mass or the inertia, or import the robot with `--repair inertia=nearest` or `--repair inertia=shapes`",
         "shapes": "the link has no closed shapes from which the inertia could be computed: use `--repair inertia=nearest`",
         "nearest": "write the mass and the inertia of these links into the file",
     }[method]
     notes = [
-        Note(message=f"`{link.name}` is fixed to it{', and has no physical inertia either' if link in worst else ''}", span=link.where)
+        Note(
+            message=f"`{link.name}` is fixed to this link{', and has no physical inertia either' if link in worst else ''}",
+            span=link.where,
+        )
         for link in members if link is not first and link.weight is not None
     ][:5]
     report.add(Code.SOURCE_INERTIA, message, where, help=help, notes=notes)
@@ -212,7 +215,7 @@ def warn_of_mirror_pairs(robot: SourceRobot, report: Report) -> None:
                 report.warn(
                     Code.SOURCE_DOUBT, f"`{link.name}` and `{other.name}` have different {quantity}", other.weight.where,
                     notes=[Note(message=f"`{link.name}` is defined here", span=link.weight.where)],
-                    help="if they are mirror images, correct one of them",
+                    help="if the two links are mirror images, correct one of the links",
                 )
 
 

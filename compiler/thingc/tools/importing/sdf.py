@@ -68,7 +68,7 @@ class Includes:
         if include.attributes.get("merge", "").strip() in ("1", "true"):
             self.values.fault(include, "merge", "`merge` is not supported", "to merge the models, run `gz sdf -p FILE > robot.sdf`")
         if len(self.roots) > MOST_INCLUDES:
-            message = f"the file includes more than {MOST_INCLUDES} models, or one that includes itself"
+            message = f"the file includes more than {MOST_INCLUDES} models, or a model that includes itself"
             self.values.fault(include, None, message, "include a model that does not include this one")
         uri = self.values.word(include, "uri")
         if uri is None or len(self.report.diagnostics) > error_count:
@@ -402,7 +402,9 @@ class _Sdf:
             self.losses.note("a single limit of a joint", "the other limit is missing, but a joint needs both or none", limit.where)
             lower = upper = None
         if lower is not None and upper is not None and lower > upper:
-            self.values.fault(limit, "lower", f"`lower` ({lower:g}) is above `upper` ({upper:g})", "swap the two, or correct one")
+            self.values.fault(
+                limit, "lower", f"`lower` ({lower:g}) is above `upper` ({upper:g})", "swap the two limits, or correct one of them",
+            )
         return source_model.SourceLimits(
             lower=lower, upper=upper, effort=None if effort is None or effort < 0.0 else effort,
             velocity=None if velocity is None or velocity < 0.0 else velocity,

@@ -110,7 +110,9 @@ class Frames:
             if key in way:
                 circle = format_cycle([*way][[*way].index(key) :])
                 message = f"poses are relative to each other in a cycle: {circle}"
-                self.values.report.add(Code.SOURCE_TREE, message, way[key].element.where, help="make one of them relative to the model")
+                self.values.report.add(
+                    Code.SOURCE_TREE, message, way[key].element.where, help="make one of these poses relative to the model",
+                )
                 self.poses[key] = NO_POSE
                 break
             way[key] = self.named[key]

@@ -71,7 +71,7 @@ def warn_of_depth(robot: SourceRobot, report: Report) -> None:
             if there > MOST_BELOW:
                 report.warn(
                     Code.SOURCE_DOUBT, f"link `{one.child}` is number {there} in a chain of moving links, but MuJoCo supports at most "
-                    f"{MOST_BELOW}", one.where, help="URDF and SDF files can be written, but not MJCF, and the robot cannot be simulated",
+                    f"{MOST_BELOW}", one.where, help="write only URDF or SDF files of this robot, because MuJoCo cannot load it",
                 )
                 return
             waiting.append((one.child, there))

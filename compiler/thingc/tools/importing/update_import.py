@@ -141,7 +141,8 @@ def _changed_meshes(earlier: PreviousImport, meshes: Mapping[str, bytes], report
             written[name] = there, content
         elif after != before:
             report.add(
-                Code.SOURCE_CONFLICT, f"`{name}` has changed both here and in the source: your version remains", None,
+                Code.SOURCE_CONFLICT,
+                f"`{name}` has changed both in this folder and in the source: thingc keeps the version in this folder", None,
                 help="to use the version of the source, delete the file and import again",
             )
     return written
@@ -149,8 +150,8 @@ def _changed_meshes(earlier: PreviousImport, meshes: Mapping[str, bytes], report
 
 def _say_conflicts(one: Merged, after: Text, report: Report) -> None:
     for path, ours, new in one.conflicts:
-        message = f"`{format_path(path)}` is {ours} here, but now {new} in the source: your value remains"
-        help = "set the correct value: both values have changed since the last import"
+        message = f"`{format_path(path)}` is {ours} in the document and {new} in the source: thingc keeps the value in the document"
+        help = "write the correct value: both the document and the source have changed since the last import"
         report.add(Code.SOURCE_CONFLICT, message, span_at(after.tree, path), help=help)
 
 

@@ -310,7 +310,9 @@ class _Urdf:
         if lower is None or upper is None:
             return source_model.SourceLimits()
         if lower > upper:
-            self.values.fault(limit, "lower", f"`lower` ({lower:g}) is above `upper` ({upper:g})", "swap the two, or correct one")
+            self.values.fault(
+                limit, "lower", f"`lower` ({lower:g}) is above `upper` ({upper:g})", "swap the two limits, or correct one of them",
+            )
         if lower == upper:
             if kind == "prismatic" and not follows:
                 help = "use the type `fixed`, or correct the limits of the joint"

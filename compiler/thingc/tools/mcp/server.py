@@ -149,7 +149,7 @@ class Tools:
         if self._trusted or command == "explain":
             return []
         if command == "render":
-            message = "`render` needs the code of parts, which must not run because the folder is not trusted"
+            message = "`render` must run the code of parts, but the folder is not trusted"
             raise console.WrongCommandLine(message, "start the server with --trusted")
         return ["--no-code"]
 

@@ -202,7 +202,7 @@ class _Planner:
                 listed = next((other for other in present if other.rank >= 0 and other.name in step.blocked), None)
                 if leaves[0].rank >= 0 and listed is not None:
                     message = f"`{leaves[0].name}` cannot be added after `{listed.name}`, which is in its way"
-                    help = f"list `{leaves[0].name}` before `{listed.name}`, or remove it from the list"
+                    help = f"list `{leaves[0].name}` before `{listed.name}`, or remove `{leaves[0].name}` from the list"
                     self._report.add(Code.ASSEMBLY_ORDER, message, leaves[0].listed, help=help)
             removed.append(step)
             present = [other for other in present if other not in step.pieces[0].members]

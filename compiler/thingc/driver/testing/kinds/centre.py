@@ -29,11 +29,11 @@ def measure(case: TestCase, check: CentreCheck) -> Outcome:
         value = centre["xyz".index(axis)]
         if low - ROUNDING <= value <= high + ROUNDING:
             continue
-        bound, side = (low, "below the minimum") if value < low else (high, "above the maximum")
+        bound, required = (low, "at least") if value < low else (high, "at most")
         failures.append(Failure(
             code=Code.TEST_CENTRE, key=f"within.{axis}.{0 if value < low else 1}",
-            message=f"{axis} of the centre of mass is {format_si(value, LENGTH)}, "
-            f"{format_si(abs(value - bound), LENGTH)} {side} of {Quantity(bound, LENGTH)}",
+            message=f"the {axis} coordinate of the centre of mass is {format_si(value, LENGTH)}, but must be {required} "
+            f"{Quantity(bound, LENGTH)}: the difference is {format_si(abs(value - bound), LENGTH)}",
         ))
     text = "  ".join(f"{1000.0 * v:z.1f}" for v in centre)
     failure = None

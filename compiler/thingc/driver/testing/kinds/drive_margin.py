@@ -67,7 +67,7 @@ def measure(case: TestCase, check: DriveCheck) -> Outcome:
     elif worst.margin < check.minimum:
         failure = Failure(
             code=Code.TEST_DRIVE, key="min",
-            message=f"drive `{drive.name}` needs {needed} at {time_text}, and can exert {available} at {speed_text}: "
+            message=f"drive `{drive.name}` needs {needed} at {time_text}, and can provide {available} at {speed_text}: "
             f"the margin is {worst.margin:.3g}, but at least {check.minimum:g} is required",
         )
     summary = f"margin {worst.margin:.3g} at {drive.name}: {needed} of {available} at {speed_text} and {time_text}"

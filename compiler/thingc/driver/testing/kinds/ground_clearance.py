@@ -26,7 +26,7 @@ def measure(case: TestCase, check: GroundClearance) -> Outcome:
     expected: dict[str, Measure] = {"at_least": check.least, "plane": check.plane}
     heights = sorted(_heights(case, check))
     if not heights:
-        shapeless = Failure(code=Code.TEST_CLEARANCE, key="except", message="no checked part has a shape")
+        shapeless = Failure(code=Code.TEST_CLEARANCE, key="except", message="none of the parts in this test has a shape")
         return Outcome(expected=expected, summary="no shape", failure=shapeless)
     (height, name), *others = ((height, path.replace("/", ".")) for height, path in heights)
     failure: Failure | None = None

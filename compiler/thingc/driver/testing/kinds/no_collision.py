@@ -108,7 +108,9 @@ def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> N
     """
     check: CollisionCheck = linked.test.check
     if not any(outcome.measured.get("pairs", True) for outcome in outcomes):
-        help = "no mount at these joints was designed for another part: use `certify: true`" if check.certify == "references" else None
+        help = None
+        if check.certify == "references":
+            help = "use `certify: true`, because the mounts at these joints do not specify parts with `align`"
         name, origin = linked.test.name, linked.test.origin
         report.warn(Code.TEST_EMPTY, f"test `{name}` compares no parts", origin, path=f"tests.{name}", help=help)
     needed = {number for outcome in outcomes for number in outcome.needed}
@@ -153,7 +155,7 @@ def _failure(
         location, help = (f" at {begins[0]}", begins[1]) if begins is not None else (location, help)
         notes = [*certificate.references[worst_pair.one, worst_pair.other], *notes]
     elif (worst_pair.one, worst_pair.other) in collisions.close:
-        help = f"{allow_hint(Code.OVERLAP)} on one of the two"
+        help = f"{allow_hint(Code.OVERLAP)} in one of the two components"
     return Failure(
         code=Code.TEST_COLLISION, key="clearance" if worst_pair.gap > 0.0 else "", notes=tuple(notes),
         message=f"{_describe_pair(assembly, worst_pair, check.clearance)}{location}", help=help,

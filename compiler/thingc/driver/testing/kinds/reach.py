@@ -24,12 +24,12 @@ def measure(case: TestCase, check: ReachCheck) -> Outcome:
     if robot is None:
         return open_loops_outcome()
     best, joints = farthest(robot, case.linked.mounts[check.of], case.linked.mounts[check.base], case.linked.test.origin)
-    outcome = check_bounds("reach", "the reach", best, check.minimum, check.maximum, LENGTH, Code.TEST_REACH)
+    label = "the reach over the ranges of all joints"
+    outcome = check_bounds("reach", label, best, check.minimum, check.maximum, LENGTH, Code.TEST_REACH)
     position_text = joints_text(assembly, joints)
     if outcome.failure is not None:
-        message = f"{outcome.failure.message}, over the ranges of all joints"
         note = Note(message=f"joint values of the farthest position: {position_text}") if position_text else None
-        outcome = replace(outcome, failure=replace(outcome.failure, message=message, notes=(note,) if note else ()))
+        outcome = replace(outcome, failure=replace(outcome.failure, notes=(note,) if note else ()))
     return replace(outcome, measured={**outcome.measured, "joints": joints})
 
 

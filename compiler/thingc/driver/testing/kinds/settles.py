@@ -72,7 +72,7 @@ def _compare(check: SettleCheck, motion: SettleResult) -> Outcome:
 def _divergence(time: float) -> Outcome:
     return Outcome(measured={"diverged": time}, summary=f"diverges after {time:.3g} s", failure=Failure(
         code=Code.TEST_SETTLES, key="", message=f"the simulation diverges after {time:.3g} s",
-        help="reduce `simulation: {timestep: ...}`, or look for parts that overlap in the pose",
+        help="reduce `timestep` under `simulation`, or look for parts that overlap in the pose",
     ))
 
 

@@ -40,8 +40,8 @@ def measure(case: TestCase, check: StackCheck) -> Outcome:
     path = _path(robot.assembly, base.occurrence, end.occurrence)
     closed = {joint.path for mate in path for joint in mate.joints} & on_loops(len(robot.assembly.occurrences), robot.assembly.mates)
     if closed:
-        message = f"joint `{sorted(closed)[0].replace('/', '.')}` is on a closed loop, for which deviations are not computed"
-        failure = Failure(code=Code.TEST_STACK, key="of", message=message, help="use two mounts without a closed loop between them")
+        message = f"joint `{sorted(closed)[0].replace('/', '.')}` is in a closed loop, but thingc cannot compute deviations in loops"
+        failure = Failure(code=Code.TEST_STACK, key="of", message=message, help="use two mounts that are connected without a closed loop")
         return Outcome(summary="closed loop", failure=failure)
     contributions = list(_contributions(robot, case.frames[0], check.along, base, end, path))
     if not contributions:

@@ -95,7 +95,7 @@ def _moving_outcome(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]
         if lifted:
             listed = ", ".join(f"`{path.replace('/', '.')}` by {format_si(height, LENGTH)}" for path, height in lifted.items())
             failure = Failure(
-                code=Code.TEST_FOOT, key="pose", message=f"in this pose, feet of the mode are above the other feet: {listed}",
+                code=Code.TEST_FOOT, key="pose", message=f"in this pose, some feet of the mode are higher than the other feet: {listed}",
                 help="lower these feet in the pose, or remove them from `standing_on`",
             )
             return "has feet above the floor", failure

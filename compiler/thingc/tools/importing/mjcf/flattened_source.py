@@ -135,7 +135,10 @@ class FlattenedSource:
         """
         name, where = element.attributes.get("file", ""), element.place("file")
         if element.children:
-            self.report.add(Code.SOURCE_VALUE, "an `<include>` has child elements", element.where, help="move them out of the `<include>`")
+            self.report.add(
+                Code.SOURCE_VALUE, "an `<include>` has child elements", element.where,
+                help="move the child elements out of the `<include>`",
+            )
         path_from_main = os.path.relpath(os.path.join(os.path.dirname(element.where.file), name), self.packages.folder)
         try:
             try:
@@ -169,7 +172,7 @@ class FlattenedSource:
             count = re.match(r"\s*\+?(\d{1,12})", element.attributes.get("count", ""))  # MuJoCo ignores text after the number
             copies *= 1 if count is None else int(count[1])
             if copies > MOST_COPIES:
-                message = f"this makes {copies:,} copies, but at most {MOST_COPIES:,} are supported"
+                message = f"the element is copied {copies:,} times, but at most {MOST_COPIES:,} copies are supported"
                 self.report.add(Code.SOURCE_VALUE, message, element.place("count"), help="reduce their number")
                 return
         if element.tag in LEFT_OUT or element.tag == "geom" and ("hfield" in (element.attributes.get("type"), *element.attributes)):
@@ -179,7 +182,7 @@ class FlattenedSource:
         if element.tag == "layer":
             return  # only materials contain `<layer>`, and their textures are omitted
         if element.tag == "lengthrange" and _steps(element) > MOST_STEPS:
-            message = f"this requires more than {MOST_STEPS:,} steps of simulation per muscle"
+            message = f"this element requires more than {MOST_STEPS:,} simulation steps per muscle"
             self.report.add(Code.SOURCE_VALUE, message, element.where, help="reduce `inttotal`, or increase `timestep`")
             return
         attributes = dict(element.attributes)
