@@ -58,7 +58,7 @@ def nodes(context: ResolveRun, table: DocumentScope, items: Sequence[Unrolled[Co
             if not context.overfull:  # report once, because enclosing documents exceed the limit as well
                 context.overfull = True
                 node.scope.error(
-                    Code.TOO_MANY, f"with `{node.name}`, this assembly has {table.occurrences + added} occurrences; "
+                    Code.TOO_MANY, f"with `{node.name}`, this assembly has {table.occurrences + added} components, including copies; "
                     f"at most {MAX_OCCURRENCES} are allowed", node.path, key=True,
                 )
             node.definition, node.table, node.unsound = None, None, True

@@ -269,7 +269,7 @@ def _color(declared: str | None, of_shapes: set[str]) -> tuple[str | None, tuple
         try:
             return hex_colour(declared), ()
         except ValueError:
-            return None, (PartWarning(message=f"`{declared}` is not a colour: use a CSS name or `#rrggbb`"),)
+            return None, (PartWarning(message=f"`{declared}` is not a colour: use a CSS colour name or `#rrggbb`"),)
     if len(of_shapes) > 1:
         names = ", ".join(f"`{color}`" for color in sorted(of_shapes))
         return None, (PartWarning(message=f"its solids have {len(of_shapes)} colours, {names}: the colour of its material is used"),)
