@@ -249,7 +249,7 @@ def test_unknown_default_material_is_reported() -> None:
     assert said(report) == [
         (
             "UNKNOWN_MATERIAL",
-            "`humerus` (`p:Box`) is made of `pteg` by default, which is not among the materials of `a`",
+            "`humerus` (`p:Box`) is made of `pteg` by default, but `a` has no material with this name",
             "did you mean `petg`?",
             7,
         )
@@ -266,7 +266,7 @@ def test_unneeded_unknown_material_is_a_warning() -> None:
     assert said(warnings(model, box("p:Box", material="abs"))) == [
         (
             "UNKNOWN_MATERIAL",
-            "`humerus` (`p:Box`) is made of `abs` by default, which is not among the materials of `a`",
+            "`humerus` (`p:Box`) is made of `abs` by default, but `a` has no material with this name",
             "known materials: `petg`; list a document that defines it under `materials:` (`thingc_stock.materials` defines common ones), "
             "or set `material:` here",
             7,

@@ -73,7 +73,7 @@ def test_import_does_not_overwrite_another_robot(lamp: Path, capsys: Said) -> No
     Path("desk.urdf").write_text(URDF.replace('name="lamp"', 'name="desk"'))
     assert main(["import", "desk.urdf", "-o", "lamp"]) == 2
     said = capsys.readouterr().err
-    told = "error[TC805]: `lamp` was imported from another file, `lamp.urdf` with the robot `lamp`\n  help: choose another folder"
+    told = "error[TC805]: `lamp` contains the import of another file: `lamp.urdf` with the robot `lamp`\n  help: choose another folder"
     assert told in said
     Path("scene.urdf").write_text(URDF)
     assert main(["import", "scene.urdf"]) == 2 and told in capsys.readouterr().err, "of the same name"

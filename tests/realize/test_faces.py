@@ -146,8 +146,8 @@ def test_large_deviation_is_reported(records: dict[str, PartRecord | PartFailure
     coarse = read(module_place.store, scan.meshes["simulation"])
     (warning,) = scan.warnings
     said = re.fullmatch(
-        r"its mesh for simulators, of (\d+) triangles, is up to ([\d.]+) mm away from its surface \(([\d.]+) % of its size\); increase "
-        r"`faces`", warning.message,
+        r"the simulation mesh of (\d+) triangles is up to ([\d.]+) mm away from the surface of the part "
+        r"\(([\d.]+) % of the size\); increase `faces`", warning.message,
     )
     assert said is not None and int(said[1]) == len(coarse.faces) <= 60
     metres = bumpy().apply_scale(0.001)

@@ -171,7 +171,7 @@ def test_multiple_colours_are_reported(module_place: Any) -> None:
     assert isinstance(one, PartRecord) and isinstance(two, PartRecord)
     assert (one.color, one.warnings) == ("#ff0000", ())
     assert two.color is None and [warning.message for warning in two.warnings] == [
-        "its solids have 2 colours, `#0000ff`, `#ff0000`: the colour of its material is used",
+        "the solids have 2 colours, `#0000ff`, `#ff0000`: the part gets the colour of its material",
     ]
 
 

@@ -210,7 +210,7 @@ raw: {mjcf: {actuator: {first: {ctrlrange: -1 1}}}}
 
 @pytest.mark.parametrize(("words", "said", "line"), [
     (["first=30 deg"], "the raw attribute `ctrlrange` may depend on the coordinate of joint `first`", "raw:"),
-    (["second=30 deg"], "`=ratio` depends on the coordinate of joint `second`", "  second:"),
+    (["second=30 deg"], "the expression `=ratio` depends on the coordinate of joint `second`", "  second:"),
     (["third=30 deg"], "`third` is repeated, or has several coordinates", "  third:"),
     (["third_0=30 deg"], "`third_0` is repeated, or has several coordinates", "joints:"),
     (["stuck=30 deg"], "joint `stuck` is fixed and does not move", "  stuck:"),

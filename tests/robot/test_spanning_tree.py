@@ -234,7 +234,8 @@ def test_start_below_the_floor_is_reported_once(z: float, base: str, others: int
     model, report = assembly("one", [component("b", "p:Block", line=10)], modes=modes), Report()
     check_starts(tuple(robots(linked(model, block)).values()), None, report, Memo())
     assert [(code, line, message) for code, message, _, line in said(report)] == [
-        ("START_BELOW", 200, f"mode `m` starts with `b` at least {depth} below the plane z = 0 of its scene") for _ in [depth] if depth
+        ("START_BELOW", 200, f"mode `m` starts below the plane z = 0 of the scene: the depth of `b` is at least {depth}")
+        for _ in [depth] if depth
     ]
     if depth:
         more = ["", "the same problem occurs in mode `n`", "the same problem occurs in modes `n`, `o`"][others]

@@ -77,7 +77,7 @@ class Certificate:
             f"{format_count(len(pairs), 'pair')} {text}"
             for verdict, text in (("contact", "in contact"), ("undecided", "undecided")) if (pairs := self._pairs_with(verdict))
         ]
-        return ", ".join([f"clear over the ranges: {', '.join(counts)}"] * bool(counts) + rest_texts) or "no pair moves"
+        return ", ".join([f"clear over the ranges: {', '.join(counts)}"] * bool(counts) + rest_texts) or "no pair of parts moves"
 
     @property
     def measured(self) -> dict[str, list[str]]:

@@ -78,5 +78,5 @@ def first_overlaps(robot: Robot, frame: Keyframe, ranges: Sequence[JointRange], 
     display_text, alternative = f"{joint.name} {show(worst.q[joint_range.joint])}", "or cut a clearance into one of the two parts"
     if limits[0] == limits[1]:
         return f"{display_text}, and at {limits[0]}", f"attach the part that the mount was designed for, {alternative}"
-    help = f"write `limit: {{lower: {limits[0]}, upper: {limits[1]}}}` at joint `{joint.name}`, {alternative}"
+    help = f"write `limit: {{lower: {limits[0]}, upper: {limits[1]}}}` in joint `{joint.name}`, {alternative}"
     return f"{display_text}; overlaps begin at {' and '.join(first_positions)}", help

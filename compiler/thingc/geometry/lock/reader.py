@@ -207,7 +207,7 @@ class LockOnlyGeometry:
         thing = lock.things.get(reference)
         if thing is None:
             if reference in lock.others:
-                return PartFailure(subject=reference, kind="invalid", message="this is not a part class", file=file, line=line)
+                return PartFailure(subject=reference, kind="invalid", message="the class is not a part", file=file, line=line)
             message = f"`{LOCK_FILE}` does not contain this part"
             return PartFailure(subject=reference, kind="unlocked", message=message, file=file, line=line)
         schema = answers.schema(reference)

@@ -138,7 +138,7 @@ class PartInstances:
             notes += _further_uses(reversed(places.values()), "material")
             message = (
                 f"`{first.component.name}` ({first.label}) is made of `{name}` by default, "
-                f"which is not among the materials of `{first.scope.name}`"
+                f"but `{first.scope.name}` has no material with this name"
             )
             if needed:
                 first.error(Code.UNKNOWN_MATERIAL, message, help=hint, notes=notes)
@@ -169,7 +169,7 @@ class PartInstances:
                 help = "open the file in a CAD program, and export the part again as a solid"
             elif part.kind == "file" and code is Code.PART_EMPTY:
                 unit = "" if said_by_file(part) else "set the unit of the file (such as `unit: m`; default: mm), or "
-                help = f"{unit}export it again as a solid"
+                help = f"{unit}export the file again as a solid"
             self._findings.error(code, message, first.origin, path=first.path, notes=notes, detail=failure.detail, help=help)
 
     def _create(self, use: _Use) -> PartInstance | None:

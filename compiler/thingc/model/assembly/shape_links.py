@@ -231,5 +231,5 @@ def warn_far(shapes: LinkDefinition, record: PartRecord | None, meshes: Meshes, 
             findings.warn(
                 Code.SHAPE_FAR, f"the collision shape `{shape.word}` extends {far} beyond the bounding box of `{path}`, whose diagonal is "
                 f"{diagonal}", shape.origin, path=path,
-                help="check the units of the shape and its pose `at`, which is in the frame of the part",
+                help="check the units of the shape, and its pose `at`, which is relative to the frame of the part",
             )

@@ -120,7 +120,8 @@ def _set_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint, 
         quaternion = None if w is None or x is None or y is None or z is None else (w, x, y, z)
         if quaternion is not None and not any(quaternion):
             scope.error(
-                Code.POSE, f"{subject} is zero, which is not a rotation", at, help="write w, x, y, z; the identity is `[1, 0, 0, 0]`",
+                Code.POSE, f"{subject} is zero, which is not a rotation", at,
+                help="write the quaternion as `[w, x, y, z]`; the identity is `[1, 0, 0, 0]`",
             )
             return
     if quaternion is not None and place is not None:
@@ -263,7 +264,7 @@ def _report_unknown(table: DocumentScope, scope: Scope, joints: Joints, key: str
     names: list[str] = [*_settable_joints(joints)]
     if node is not None and "." not in key:
         if node.table is not None:
-            message = f"`{key}` is a nested assembly: its value must be the name of one of its poses"
+            message = f"`{key}` is a nested assembly: the value must be the name of a pose of this assembly"
             help = suggest("", node.table.spec.poses, what="poses")
         else:
             message, help = f"`{key}` is a component, not a joint", suggest(key, names, what="joints")

@@ -100,7 +100,7 @@ def _warn_below(group: Sequence[Robot], part: Occurrence, depth: float, bound: b
         help = f"run `{typed}` to put the robot on the floor, or write, for example, `at: {{xyz: 0 0 {raised}}}`"
     if height < 0.0:
         help = f"check the sign of the height in `at`, which is {Quantity(height, LENGTH)}"
-    message = f"starts with `{part.path}` {'at least ' if bound else ''}{depth_text} below the plane z = 0 of its scene"
+    message = f"starts below the plane z = 0 of the scene: the depth of `{part.path}` is {'at least ' if bound else ''}{depth_text}"
     _warn(group, Code.START_BELOW, message, part.path, part.origin, report, help=help)
 
 

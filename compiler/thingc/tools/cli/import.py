@@ -120,7 +120,7 @@ def _update(arguments: argparse.Namespace, imported: Imported, earlier: Previous
     Raises `OutputError`.
     """
     if earlier.source != os.path.basename(arguments.file) and not arguments.update:
-        message = f"`{shown_path(earlier.folder)}` was imported from another file, `{earlier.source}` with the robot `{earlier.robot}`"
+        message = f"`{shown_path(earlier.folder)}` contains the import of another file: `{earlier.source}` with the robot `{earlier.robot}`"
         raise OutputError(message, "choose another folder with -o; for the same robot, merge with `--update`")
     edited = [shown_path(os.path.join(earlier.folder, name)) for name in earlier.edited_files()]
     if edited and not arguments.update and not arguments.check:

@@ -72,7 +72,7 @@ def robot_name(place: str) -> str:
         message = f"`{word}` is not a valid name: use a letter (a to z), then letters, digits and `_`"
         raise console.WrongCommandLine(message, f"write, for example, `thingc new {near}`")
     if name.lower() in RESERVED or not isinstance(core_value(name), str):
-        message = f"`{name}` is reserved in the files of a robot"
+        message = f"`{name}` is a reserved name in the files of a robot"
         raise console.WrongCommandLine(message, f"write, for example, `thingc new {name}_robot`")
     return name
 

@@ -52,7 +52,7 @@ def refuse_endless(robot: SourceRobot, report: Report) -> None:
         of, where = link.weight.properties, link.weight.where
         if not all(map(math.isfinite, (of.mass, *of.centre, *sum(of.inertia, ())))):
             message = f"the mass or the inertia of link `{link.name}` is not finite"
-            report.add(Code.SOURCE_VALUE, message, where, help="check the sizes and densities of its shapes")
+            report.add(Code.SOURCE_VALUE, message, where, help="check the sizes and the densities of the shapes of this link")
         elif of.mass > HEAVIEST:
             message = f"link `{link.name}` has a mass of {of.mass:.3g} kg, but at most {HEAVIEST:g} kg is supported"
             report.add(Code.SOURCE_VALUE, message, where, help="check the unit: masses are in kilograms")
@@ -60,7 +60,7 @@ def refuse_endless(robot: SourceRobot, report: Report) -> None:
             message = f"link `{link.name}` has a moment of inertia of {most:.3g} kg m^2, but at most {LARGEST_MOMENT:g} kg m^2 is supported"
             report.add(Code.SOURCE_VALUE, message, where, help="check the units: masses are in kilograms, and lengths in metres")
         elif (most := max(map(abs, of.centre))) > FARTHEST:
-            message = f"the centre of mass of link `{link.name}` is {most:.3g} m away, but at most {FARTHEST:g} m is supported"
+            message = f"the centre of mass of link `{link.name}` is {most:.3g} m from the link, but at most {FARTHEST:g} m is supported"
             report.add(Code.SOURCE_VALUE, message, where, help=_METRES)
     for one in robot.attachments:
         if (most := max(map(abs, one.pose.translation))) > FARTHEST:

@@ -101,7 +101,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
     except FileNotFoundError:
         old_content, ours = None, earlier.text
     except (OSError, UnicodeDecodeError):
-        message = f"`{shown_path(path)}`, written by the last import, can no longer be read"
+        message = f"cannot read `{shown_path(path)}`, which the last import wrote"
         report.add(Code.OUTPUT, message, None, help="fix or delete the file")
         return None
     texts = [text for one in (earlier.text, new, ours) if (text := read_text(path, one, report)) is not None]

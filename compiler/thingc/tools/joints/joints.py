@@ -153,7 +153,7 @@ def write_joints(
     document, groups = proposed.document, proposed.search.groups(accepted)
     rigid = [one.name for one in accepted if any(one.parent in group and one.child in group for group in groups)]
     if rigid:
-        message = f"other contacts connect the parts of `{rigid[0]}` rigidly"
+        message = f"the parts of the proposed joint `{rigid[0]}` are rigidly connected by other contacts"
         help = "accept other joints together with this joint, or write the joint into the document"
         return EditResult(found=(UserError(message, help).diagnostic,))
     try:

@@ -94,7 +94,7 @@ def rezero(
 
 def _warn_unchanged(calibration: Document) -> Diagnostic:
     message = f"`{calibration.relative}` also contains these joints, but was not changed"
-    help = f"for a calibration of this robot, use `--calibration {shown_path(calibration.path)}`; for other robots, edit the file by hand"
+    help = f"if the file belongs to this robot, use `--calibration {shown_path(calibration.path)}`; otherwise, edit the file by hand"
     span = calibration.span(("joints",), key=True)
     return Diagnostic(code=Code.COMMAND_LINE, severity=Severity.WARNING, message=message, help=help, span=span)
 

@@ -127,7 +127,7 @@ class ShiftEdits:
         """Return a number of the document. Raises `ShiftRefused` for an expression."""
         quantity = self._at(path, default)
         if quantity.expression:
-            message = f"`={quantity.expression}` depends on the coordinate of joint `{self.shift.joint}`"
+            message = f"the expression `={quantity.expression}` depends on the coordinate of joint `{self.shift.joint}`"
             raise ShiftRefused(message, "replace the expression by a number, or edit the document by hand", span=self.document.span(path))
         return quantity
 

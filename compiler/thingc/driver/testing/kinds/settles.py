@@ -57,13 +57,14 @@ def _compare(check: SettleCheck, motion: SettleResult) -> Outcome:
     elif check.moved is not None and moved > check.moved:
         failure = Failure(
             code=Code.TEST_SETTLES, key="moved",
-            message=f"the robot comes to rest {moved_text} from the pose, but at most {Quantity(check.moved, LENGTH)} is allowed",
+            message=f"the robot comes to rest {moved_text} away from the pose of the test, but at most "
+            f"{Quantity(check.moved, LENGTH)} is allowed",
         )
     elif deepest > check.penetration:
         failure = Failure(
             code=Code.TEST_SETTLES, key="penetration",
             message=f"the contacts of the robot are {depth} deep at rest, but at most {Quantity(check.penetration, LENGTH)} is allowed",
-            help="start on the floor (`at: {on: floor}` of the mode) and without overlaps; if contacts are meant to be this soft, "
+            help="start the mode on the floor (`at: {on: floor}`) and without overlaps, or, for soft contacts, "
             "increase `penetration`",
         )
     return Outcome(measured=measured, expected=expected, summary=summary, failure=failure)

@@ -272,7 +272,7 @@ def _color(declared: str | None, of_shapes: set[str]) -> tuple[str | None, tuple
             return None, (PartWarning(message=f"`{declared}` is not a colour: use a CSS colour name or `#rrggbb`"),)
     if len(of_shapes) > 1:
         names = ", ".join(f"`{color}`" for color in sorted(of_shapes))
-        return None, (PartWarning(message=f"its solids have {len(of_shapes)} colours, {names}: the colour of its material is used"),)
+        return None, (PartWarning(message=f"the solids have {len(of_shapes)} colours, {names}: the part gets the colour of its material"),)
     return next(iter(of_shapes), None), ()
 
 
@@ -306,7 +306,7 @@ def _measure(built: BuiltPart, tessellations: Tessellations, store: Store) -> Pa
     meshes["print"] = _store_mesh(printed, meshing.stl(printed), store)
     meshes["slicing"] = _store_mesh(double, meshing.double(double), store)
     if not meshes["print"].closed:
-        part_warnings = (*part_warnings, PartWarning(message="its mesh is not closed: the CAD kernel left gaps between faces"))
+        part_warnings = (*part_warnings, PartWarning(message="the mesh of the part is not closed: the CAD kernel left gaps between faces"))
     inertia = convert.unit_inertia(measures.inertia)
     return replace(
         built.record, volume=convert.volume(measures.volume), area=convert.area(measures.area), centre=convert.vector(measures.centre),
@@ -343,8 +343,8 @@ def _deviation_warning(mesh: meshing.Triangles, fewer: meshing.Triangles) -> tup
     away, size = deviation(mesh, fewer), float(np.ptp(mesh.vertices, axis=0).max())
     if away <= DEVIATION * size:
         return ()
-    off = f"up to {away * convert.MM:.2g} mm away from its surface ({100.0 * away / size:.2g} % of its size)"
-    return (PartWarning(message=f"its mesh for simulators, of {len(fewer.faces)} triangles, is {off}; increase `faces`"),)
+    off = f"up to {away * convert.MM:.2g} mm away from the surface of the part ({100.0 * away / size:.2g} % of the size)"
+    return (PartWarning(message=f"the simulation mesh of {len(fewer.faces)} triangles is {off}; increase `faces`"),)
 
 
 def _overlap_warning(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWarning, ...]:
