@@ -58,7 +58,7 @@ class Code(Enum):
     # --- TC1xx: reading files (load) -------------------------------------------------------------------------------
     UNREADABLE = ("TC101", "a file cannot be read", "Check the name and the permissions of the file.")
     NOT_UTF8 = ("TC102", "a file is not UTF-8 text", "Save the file as UTF-8.")
-    SYNTAX = ("TC103", "a YAML or TOML syntax error", "Correct the line in the message. The help text describes the usual cause.")
+    SYNTAX = ("TC103", "a YAML or TOML syntax error", "Correct the line that the message shows. The help text describes the usual cause.")
     DUPLICATE_KEY = ("TC104", "a key that occurs twice", "Remove or rename one of the two keys.")
     KEY_NOT_TEXT = ("TC105", "a key that is not a string", "Put the key in quotes, so that YAML reads it as a string.")
     TAG = ("TC106", "an unsupported YAML tag", "Remove the tag. thingc infers the type of a value from its syntax.")
@@ -66,7 +66,7 @@ class Code(Enum):
     TOO_LARGE = ("TC108", "a size limit is exceeded", "Split the document into several documents, or use fewer aliases.")
     NOT_FINITE = ("TC109", "a number that is not finite", "Write a finite number, or remove the key.")
     EXPRESSION_COMMA = ("TC110", "an unquoted comma in a value", "Put an expression in quotes, and write a vector as `[x, y, z]`.")
-    HEADER = ("TC111", "the kind or version of a document is missing or unknown", "Begin with `thingc: assembly/1` or another kind.")
+    HEADER = ("TC111", "the kind or version of a document is missing or unknown", "Begin the document with `thingc: assembly/1`.")
     WRONG_KIND = ("TC112", "a document of the wrong kind", "Use a document of the kind that the message shows.")
     MISSING_FILE = ("TC113", "a missing file", "Correct the path, relative to the folder of the document.")
     OUTSIDE_WORKSPACE = ("TC114", "a path that leads out of the workspace", "Move the file into the workspace, and use a relative path.")
