@@ -126,7 +126,7 @@ def test_children_of_a_held_base_move_with_it(lever: thingc.RobotFamily) -> None
         ("crane.yaml", ["stiff"], "standing", {"drive: {kind: position, kp: =stiff}": "drive: {kind: position, kp: =stiff, effort: 5 N*m}"},
          "with `implicitfast`, MJX applies the damping of `lift` even at the force limit"),
         ("crane.yaml", ["radius"], "standing", {"axis: [0, 0, 1]": "axis: [0, =radius / (1 m), 1]"},
-         "MuJoCo uses `joint.axis` at compile time, and it depends on radius: set the values with `at`, or use `models`"),
+         "MuJoCo uses `joint.axis` at compile time, and this value depends on radius: set the values with `at`, or use `models`"),
     ],
 )
 def test_what_mjx_cannot_do_is_explained(

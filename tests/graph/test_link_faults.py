@@ -198,7 +198,7 @@ def test_two_unplaced_components_are_reported() -> None:
     assert said(faults(model, PLATE, CAP)) == [
         (
             "TWO_BASES",
-            "neither `plate` nor `cap` is placed: an assembly has only one base",
+            "`plate` and `cap` are not placed, but an assembly has only one base",
             "add `attach`, `at` or a joint that places `cap`",
             4,
         )

@@ -48,7 +48,7 @@ def test_rotated_side_is_reported(tmp_path: Path, left: int, off: int) -> None:
     assert alike is (off == 0) and len(turned) == (off in (90, 180, 270))
     if turned:
         back = {90: -90, 180: 180, 270: 90}[off]
-        assert f"rotated by {abs(back)} deg" in turned[0].message and f"add {back} deg to its `turn`" in str(turned[0].help)
+        assert f"rotated by {abs(back)} deg" in turned[0].message and f"add {back} deg to the `turn` of" in str(turned[0].help)
 
 
 @pytest.mark.parametrize(("mirror", "place"), [("", "10 -50 5"), ("mirror: y,", "-10 -50 5")])

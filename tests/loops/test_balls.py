@@ -98,7 +98,7 @@ def test_unstable_ball_drive_is_reported(tmp_path: Path, mode: str) -> None:
     kept = "\n".join(line for line in stiff.splitlines() if not line.startswith("  ") or ": {root:" not in line or f"  {mode}:" in line)
     ((code, message, help, line),) = compiled(tmp_path, kept).said
     assert code == "TC612" and line == 1 + stiff[: stiff.index("kp: 3e5")].count("\n")
-    assert message.startswith("`kp` of joint `hip_1`, 300000 N*m/rad, makes the joint oscillate with growing amplitude: its inertia is 0.0")
+    assert message.startswith("`kp` of joint `hip_1`, 300000 N*m/rad, makes the joint oscillate with growing amplitude: the inertia of the")
     assert help is not None and "use at most" in help
 
 

@@ -343,7 +343,7 @@ def test_unreachable_hold_reports_the_remaining_error(tmp_path: Path) -> None:
     mode = f"  m:\n    root: post\n    pose: up\n    hold:\n      arm.tip: {written(beyond @ MATE)}\n"
     found = compiled(tmp_path, LEVER + mode)
     assert found.said == [(
-        "TC604", "mode `m` cannot hold `arm/tip` in place: at best it is 100 mm and 0 deg away",
+        "TC604", "mode `m` cannot hold `arm/tip` in place: the smallest error found is 100 mm and 0 deg",
         "move the mount under `hold`, or widen the limits of the joints", 16,
     )]
 
@@ -354,7 +354,7 @@ def test_limits_are_respected_when_closing(tmp_path: Path) -> None:
     found = compiled(tmp_path, LEVER + f"  m: {{root: post, pose: up, hold: {{arm.tip: {written(held @ MATE)}}}}}\n")
     chord = 400 * np.sin(np.radians(7.5))
     assert [line[1] for line in found.said] == [
-        f"mode `m` cannot hold `arm/tip` in place: at best it is {chord:.3g} mm and 15 deg away"
+        f"mode `m` cannot hold `arm/tip` in place: the smallest error found is {chord:.3g} mm and 15 deg"
     ]
 
 

@@ -246,7 +246,7 @@ SENSORS = BODY.partition("sensors:")[0] + "sensors:\n"
         ("a: {type: drive}", "TC212", "a sensor of type `drive` needs `joint` or `tendon`, found none",
          "write, for example, `joint: knee`"),
         ("a: {type: drive, joint: leg.ankle}", "TC338", "joint `leg.ankle` has no drive to measure",
-         "add a `drive`, or measure the joint"),
+         "add a `drive` to the joint, or measure the joint itself"),
         ("a: {type: tendon, tendon: cord}", "TC363", "this document has no tendon `cord`", "there are no tendons here"),
         ("a: {type: contact, of: leg}", "TC310", "`leg` is an assembly: the touch sensor `a` must be on one link",
          "use a component of the assembly, for example `hand.finger`"),

@@ -181,7 +181,7 @@ def test_free_joint_in_a_loop_is_reported(tmp_path: Path) -> None:
     loop = "  shut: {type: ball, parent: flag.origin, child: finger.origin, loop: true}\nposes:"
     made = compiled(tmp_path, GRIPPER.replace("poses:", loop, 1))
     assert [(code, line) for code, _, _, line in made.said] == [("TC513", 1 + GRIPPER[: GRIPPER.index("grasp:")].count("\n"))]
-    assert "joint `grasp` is free, but part of a loop" in made.said[0][1]
+    assert "the free joint `grasp` is part of a loop" in made.said[0][1]
 
 
 @pytest.mark.parametrize(("value", "message"), [

@@ -241,7 +241,7 @@ def test_start_below_the_floor_is_reported_once(z: float, base: str, others: int
         more = ["", "the same problem occurs in mode `n`", "the same problem occurs in modes `n`, `o`"][others]
         assert notes(report) == [("`b` is defined here", FILE, 10), *((text, None, None) for text in [more] if text)]
         [help] = [one.help or "" for one in report.diagnostics]
-        wanted = "check the sign of the height in `at`: it is -70 mm" if z < 0 else "write, for example, `at: {xyz: 0 0 50 mm}`"
+        wanted = "check the sign of the height in `at`, which is -70 mm" if z < 0 else "write, for example, `at: {xyz: 0 0 50 mm}`"
         assert help.startswith(wanted)
 
 

@@ -284,7 +284,7 @@ def test_conflicting_heights_are_reported(compiled: Compiled) -> None:
     found = diagnostics_of(compiled(ARM + "  held: {extends: afloat, hold: {lower.tip: {xyz: 100 0 0 mm}}}\n"))
     assert found == [(
         "TC606", "mode `held` sets the height of the robot twice: by `on: floor` and by the hold of `lower.tip` at a fixed place",
-        "write `lower.tip: here`, or set a height in `at`",
+        "write `lower.tip: here`, or replace `on: floor` with a height in `at`",
     )]
 
 

@@ -238,7 +238,7 @@ def test_stall_torque_starts_the_torque_speed_line(rig: Workspace) -> None:
 def test_drive_has_no_effort_above_its_velocity(rig: Workspace) -> None:
     answer = rig.test(FLAT.replace("SECONDS", "0.5 s"), "  follow: {drive_margin: {motion: lift, min: 0.1, mode: bench}}\n", others=NUMBERS)
     assert answer["code"] == 1 and answer["tests"][0]["measured"]["margin"] == 0.0
-    assert "can exert 0 N*m at" in answer["diagnostics"][0]["message"]
+    assert "can provide 0 N*m at" in answer["diagnostics"][0]["message"]
 
 
 def test_joint_without_a_drive_cannot_follow(rig: Workspace) -> None:

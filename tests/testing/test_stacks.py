@@ -105,7 +105,7 @@ def test_stack_without_tolerances_fails(rig: Workspace) -> None:
 def test_loops_and_invalid_bounds_are_rejected(rig: Workspace) -> None:
     loop = PARALLELOGRAM.replace("DRIVE", "").replace("density: 1000 kg/m^3", f"density: 1000 kg/m^3, {PROCESS}")
     answer = rig.test(loop, "  loop: {stack: {of: middle, from: ground.hinge, along: [0, 0, 1], rss: 1 mm}}\n")
-    assert "is on a closed loop" in answer["diagnostics"][0]["message"]
+    assert "is in a closed loop" in answer["diagnostics"][0]["message"]
     for keys, words in (
         ("along: [0, 0, 0], rss: 1 mm", "`along` must not be zero"), ("along: [0, 0, 1]", "a `stack` test needs"),
         ("along: [0, 0, 1], within: 1 mm", "must be used together"), ("along: [0, 0, 1], within: 1 mm, yield: 120 %", "yield"),

@@ -468,6 +468,6 @@ def test_slurm_and_executors_without_file_transfer(tmp_path: Path, shared_store:
     here = workspace(tmp_path)
     done = batch_here("sweep.yaml", "--ship", "--cluster", "slurm:cluster=local", cwd=here, env=environment(shared_store))
     assert done.returncode == 2 and f"error[{Code.COMMAND_LINE.code}]: --ship can only be used with Dask " in done.stderr
-    assert "SLURM jobs share the folder" in " ".join(done.stderr.split()) and not (here / "build").exists()
+    assert "SLURM jobs and local processes read the workspace" in " ".join(done.stderr.split()) and not (here / "build").exists()
     with concurrent.futures.ThreadPoolExecutor(1) as executor, pytest.raises(BatchFault, match="--ship can only be used with Dask workers"):
         run(str(here / "sweep.yaml"), executor=executor, ship=True, options=Options(store=shared_store))

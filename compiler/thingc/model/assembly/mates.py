@@ -214,6 +214,6 @@ def _check_bases(instance: Instance, definition: AssemblyDefinition, findings: L
         return
     first, second = (instance.children[name] for name in bases[:2])
     findings.error(
-        Code.TWO_BASES, f"`{bases[0]}` and `{bases[1]}` is placed: an assembly has only one base", second.origin, path=second.path,
+        Code.TWO_BASES, f"`{bases[0]}` and `{bases[1]}` are not placed, but an assembly has only one base", second.origin, path=second.path,
         help=f"add `attach`, `at` or a joint that places `{bases[1]}`", notes=make_notes(f"`{bases[0]}` is defined here", first.origin),
     )

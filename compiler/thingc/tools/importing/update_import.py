@@ -150,7 +150,7 @@ def _changed_meshes(earlier: PreviousImport, meshes: Mapping[str, bytes], report
 
 def _say_conflicts(one: Merged, after: Text, report: Report) -> None:
     for path, ours, new in one.conflicts:
-        message = f"`{format_path(path)}` is {ours} in the document and {new} in the source: thingc keeps the value in the document"
+        message = f"`{format_path(path)}` is {ours} in the document and {new} in the source: thingc does not change the document"
         help = "write the correct value: both the document and the source have changed since the last import"
         report.add(Code.SOURCE_CONFLICT, message, span_at(after.tree, path), help=help)
 
