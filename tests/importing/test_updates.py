@@ -169,7 +169,7 @@ def test_invalid_merge_result_is_not_written(lamp: Path, capsys: Said) -> None:
     assert main(["import", "lamp.urdf", "--update"]) == 1
     said = capsys.readouterr().err
     assert lamp.read_text() == text
-    assert "error[TC957]: `components.foot` is missing here" in said and "error[TC302]" in said
+    assert "error[TC957]: `components.foot` is missing in the document" in said and "error[TC302]" in said
 
 
 def test_names_are_stable_across_updates(lamp: Path) -> None:

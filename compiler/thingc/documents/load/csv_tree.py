@@ -26,9 +26,7 @@ def read_csv(source: Source, report: Report) -> MappingNode | None:
         return None
     if not rows:
         columns = f"`{','.join(COLUMNS)}` for a catalogue, or `time,elbow [deg]` for a motion"
-        report.add(
-            Code.NOT_A_MAPPING, "the table is empty", source.span(0, 0), help=f"write the names of the columns in the first row: {columns}",
-        )
+        report.add(Code.NOT_A_MAPPING, "the table is empty", source.span(0, 0), help=f"write column names in the first row: {columns}")
         return None
     table_span, header = source.span(0, len(source.text)), rows[0]
     names = [text for text, _ in header]
@@ -46,10 +44,7 @@ def read_csv(source: Source, report: Report) -> MappingNode | None:
     for text, span in duplicates:
         report.add(Code.DUPLICATE_KEY, f"the column `{shorten(text)}` occurs twice", span, help="remove one of the columns")
     if COLUMNS[0] not in names and not unknown:
-        report.add(
-            Code.MISSING_KEY, f"the column `{COLUMNS[0]}` is missing", header[0][1],
-            help="add a column with the order numbers of the parts",
-        )
+        report.add(Code.MISSING_KEY, f"the column `{COLUMNS[0]}` is missing", header[0][1], help="add a column with order numbers")
     if unknown or duplicates or COLUMNS[0] not in names:
         return None
     entries: list[Node] = []
@@ -63,9 +58,7 @@ def read_csv(source: Source, report: Report) -> MappingNode | None:
             return None
         filled = [(name, text, key, span) for (name, key), (text, span) in zip(header, row, strict=False) if text]
         if filled and COLUMNS[0] not in (name for name, *_ in filled):
-            report.add(
-                Code.MISSING_KEY, f"this row has no `{COLUMNS[0]}`", filled[0][3], help="write the order number of the part in this column",
-            )
+            report.add(Code.MISSING_KEY, f"this row has no `{COLUMNS[0]}`", filled[0][3], help="add the order number of the part")
         elif filled:
             entries.append(MappingNode(
                 entries={name: ScalarNode(value=text, text=text, span=span) for name, text, _, span in filled},

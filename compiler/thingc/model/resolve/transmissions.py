@@ -157,7 +157,7 @@ class _Reader:
             self.fault(f"{what} has a `drive`, but {self.what} also drives it", place, help, notes)
         else:
             both = f"twice by {self.what}" if user == self.what else f"by {user} and by {self.what}"
-            self.fault(f"{what} is used {both}", place, f"remove {short} from one of the two", notes)
+            self.fault(f"{what} is used {both}", place, f"use {short} only once", notes)
         return False
 
     def fault(self, message: str, place: Path, help: str, notes: Sequence[Note] = ()) -> None:
