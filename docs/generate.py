@@ -41,21 +41,21 @@ COMMAND_PAGES = DOCS / "commands"
 EXAMPLES = ROOT / "compiler" / "thingc" / "tools" / "reporting" / "examples.json"
 
 GROUPS = {
-    "joints": "joints", "of_joints": "properties of joints", "drives": "drives", "loops": "loops, by the joint that is cut",
+    "joints": "joints", "of_joints": "properties of joints", "drives": "drives", "loops": "loops: type of the joint that is cut",
     "bases": "bases other than `fixed`", "modes": "properties of modes", "links": "properties of links", "shapes": "collision shapes",
     "sensors": "sensors", "of_sensors": "properties of sensors",
 }
 FEATURES = {
-    "of_joints.cone": "`limit: {cone: ...}`", "of_joints.velocity": "velocity limit", "of_joints.friction": "dry friction",
+    "of_joints.cone": "limit of the rotation (`cone`)", "of_joints.velocity": "velocity limit", "of_joints.friction": "dry friction",
     "of_joints.delay": "delay of a drive", "of_joints.effects": "torque-speed line, deadband and noise of a drive",
     "loops.hold": "`hold` of a mount", "loops.weld": "`fixed`", "loops.ball": "`ball`", "loops.hinge": "a hinge",
     "loops.slide": "a slide", "loops.screw": "a screw", "loops.universal": "`universal`",
-    "loops.several": "several coordinates", "bases.start": "start pose of a `free` base",
+    "loops.several": "other joints with several coordinates", "bases.start": "start pose of a `free` base",
     "modes.exclude": "excluded contacts", "modes.pairs": "contact pairs", "modes.groups": "contact groups",
-    "modes.simulation": "other `simulation`", "modes.timestep": "time step",
-    "links.frames": "mounts and frames", "links.rolling": "rolling friction", "links.weightless": "no mass, moved by a joint",
-    "links.weightless_base": "no mass, other links", "links.point": "a point mass", "links.line": "point masses in a line",
-    "shapes.hull": "convex mesh", "shapes.mesh": "any mesh",
+    "modes.simulation": "other `simulation` settings", "modes.timestep": "time step",
+    "links.frames": "mounts and frames", "links.rolling": "rolling friction", "links.weightless": "a link without mass that a joint moves",
+    "links.weightless_base": "other links without mass", "links.point": "a link that is a point mass",
+    "links.line": "a link of point masses in a line", "shapes.hull": "convex mesh", "shapes.mesh": "mesh that is not convex",
 }
 for kind in KINDS.values():
     if kind.moves:

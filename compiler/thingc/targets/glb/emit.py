@@ -38,7 +38,7 @@ Y_UP = Pose(rotation=((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
 ROUND = (16, 16)
 """Number of segments of round shapes, from pole to pole and along half of the circumference."""
 
-_CHAIN = Supported(None, "a node for each coordinate")
+_CHAIN = Supported(None, "written as one node for each coordinate")
 
 CAPABILITIES: Capabilities[None, Never, Never, Never, Never] = {
     "joints": {
@@ -52,7 +52,7 @@ CAPABILITIES: Capabilities[None, Never, Never, Never, Never] = {
         "hold": Omitted(": rotating the nodes of joints moves the held mount"),
     },
     "bases": {**all_of("bases", COMPANION), "start": FULL},
-    "modes": {**all_of("modes", COMPANION), "poses": Supported(None, "only the start pose of the mode")},
+    "modes": {**all_of("modes", COMPANION), "poses": Supported(None, "the file contains only the start pose of the mode")},
     "links": {**all_of("links", COMPANION), "colours": FULL},
     "shapes": all_of("shapes", COMPANION), "sensors": all_of("sensors", COMPANION), "of_sensors": all_of("of_sensors", COMPANION),
 }

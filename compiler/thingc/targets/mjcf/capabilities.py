@@ -13,13 +13,13 @@ LoopForm = Literal["weld", "connect", "two connects", "connect and tendon", "wel
 """The equality constraints that close a loop."""
 
 _EACH: Supported[JointForm] = Supported("each")
-_EACH_OF_SEVERAL: Supported[JointForm] = Supported("each", "hinges and slides of one body")
+_EACH_OF_SEVERAL: Supported[JointForm] = Supported("each", "written as several hinges and slides of one body")
 _CUSTOM = Lossy[None](None, "carried as custom data")
 
 CAPABILITIES: Capabilities[JointForm, None, LoopForm, None, None] = {
     "joints": {
         "single": _EACH, "several": _EACH_OF_SEVERAL, "universal": _EACH_OF_SEVERAL, "ball": Supported("ball"),
-        "free": Supported("free", "a `freejoint` of a body in the world"),
+        "free": Supported("free", "written as a `freejoint` of a child body of the world"),
         "screw": Lossy(
             "threaded", "approximated", ": a hinge and a slide in MuJoCo, coupled by an equality, which is slightly soft",
         ),
@@ -31,21 +31,21 @@ CAPABILITIES: Capabilities[JointForm, None, LoopForm, None, None] = {
     },
     "drives": {"position": FULL, "velocity": FULL, "motor": FULL, "universal": FULL, "ball": FULL},
     "loops": {
-        "hold": Supported("weld or connect", "`weld` or `connect`"), "weld": Supported("weld"), "ball": Supported("connect", "`connect`"),
-        "hinge": Supported("two connects", "two `connect`"),
+        "hold": Supported("weld or connect", "written as `weld` or `connect`"), "weld": Supported("weld"),
+        "ball": Supported("connect", "`connect`"), "hinge": Supported("two connects", "two `connect`"),
         "slide": Omitted(": MuJoCo has no equality for slides"),
         "screw": Omitted(": MuJoCo has no equality for screws"),
-        "universal": Supported("connect and tendon", "`connect`, and a tendon of constant length"),
+        "universal": Supported("connect and tendon", "written as `connect` and a tendon of constant length"),
         "several": Omitted(": MuJoCo has no equality for joints with several coordinates"),
     },
-    "bases": {"held": Supported(None, "a mocap body"), "free": FULL, "start": FULL, "planar": FULL, "ball": FULL},
+    "bases": {"held": Supported(None, "written as a mocap body"), "free": FULL, "start": FULL, "planar": FULL, "ball": FULL},
     "modes": {
         "gravity": FULL, "poses": Supported(None, "keyframes"), "exclude": FULL, "pairs": FULL, "groups": FULL, "timestep": FULL,
         "simulation": FULL,
     },
     "links": {
         "frames": Supported(None, "sites"), "colours": FULL, "friction": FULL, "rolling": FULL, "adhesion": Supported(None, "an actuator"),
-        "weightless": Supported(None, "several joints on one body"),
+        "weightless": Supported(None, "its joints are written as joints of one body"),
         "weightless_base": FULL, "point": FULL, "line": Lossy(None, "approximated", ": the inertia is 0 in the file, as for a point mass"),
     },
     "shapes": {

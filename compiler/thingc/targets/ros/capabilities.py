@@ -14,7 +14,8 @@ CAPABILITIES: Capabilities[JointForm, None, Never, ShapeForm, Never] = {
     **URDF,
     "drives": {"position": _CONTROL, "velocity": _CONTROL, "motor": _CONTROL, "universal": _CONTROL, "ball": BALL_DRIVE},
     "modes": {
-        **URDF["modes"], "gravity": Omitted(": not supported by URDF"), "poses": Supported(None, "group states of the SRDF"),
-        "exclude": Supported(None, "disabled collisions of the SRDF"),
+        **URDF["modes"], "gravity": Omitted(": not supported by URDF"),
+        "poses": Supported(None, "written as group states in the SRDF file"),
+        "exclude": Supported(None, "written as disabled collisions in the SRDF file"),
     },
 }

@@ -26,7 +26,7 @@ CAPABILITIES: Capabilities[JointForm, None, Never, ShapeForm, Never] = {
     "joints": {
         "single": _EACH, "several": _CHAIN, "universal": _CHAIN,
         "screw": Lossy("threaded", "approximated", ": a prismatic joint mimics the rotation, and moves freely if mimics are unsupported"),
-        "ball": _BALL, "free": Supported("floating", "a `floating` joint"),
+        "ball": _BALL, "free": Supported("floating", "written as a `floating` joint"),
     },
     "of_joints": {
         "cone": OMITTED, "velocity": FULL, "damping": FULL, "friction": FULL, "armature": OMITTED, "stiffness": OMITTED, "mimic": FULL,
@@ -41,7 +41,7 @@ CAPABILITIES: Capabilities[JointForm, None, Never, ShapeForm, Never] = {
     "loops": {**all_of("loops", _LOOP), "hold": OMITTED},
     "bases": {
         "held": Lossy(None, "approximated", ": the base is fixed in the file"),
-        "free": Supported(None, "no link `world`, and `<static>` is false"),
+        "free": Supported(None, "the file has no link `world`, and `<static>` is false"),
         "start": Omitted(": the program that loads the file places a free base"), "planar": Lossy(None, _CHAIN.how, _CHAIN.words),
         "ball": Lossy(None, _BALL.how, _BALL.words),
     },
@@ -55,8 +55,8 @@ CAPABILITIES: Capabilities[JointForm, None, Never, ShapeForm, Never] = {
         "point": FULL, "line": Lossy(None, "approximated", ": the inertia is 0 in the file, as for a point mass"),
     },
     "shapes": {
-        **all_of("shapes", _ITSELF), "capsule": Supported("cylinder and balls", "a cylinder between two spheres"), "ellipsoid": _NONE,
-        "plane": _NONE,
+        **all_of("shapes", _ITSELF), "capsule": Supported("cylinder and balls", "written as a cylinder between two spheres"),
+        "ellipsoid": _NONE, "plane": _NONE,
     },
     "sensors": all_of("sensors", _NONE),
     "of_sensors": all_of("of_sensors", COMPANION),

@@ -13,8 +13,8 @@ ShapeForm = Literal["Cube", "Cylinder", "Capsule", "Sphere", "Plane", "Mesh"]
 """The type of the prim that represents a shape."""
 
 _SINGLE: Supported[JointForm] = Supported("single")
-_GENERIC: Supported[JointForm] = Supported("generic", "a generic joint (D6)")
-_EXCLUDED: Supported[None] = Supported(None, "a joint that is excluded from the articulation")
+_GENERIC: Supported[JointForm] = Supported("generic", "written as a generic joint (D6)")
+_EXCLUDED: Supported[None] = Supported(None, "written as a joint that is excluded from the articulation")
 _CUSTOM = Lossy(None, "carried as custom data", ", read by Newton, and by PhysX except for ball joints; not written for generic joints")
 _LIGHT = Lossy(None, "approximated", ": the link has a mass of 1e-9 kg in the file")
 _SMALL = Lossy(None, "approximated", ": the moments of inertia are 1e-12 kg m^2 in the file")
@@ -22,7 +22,8 @@ _NONE = Omitted(": not supported by UsdPhysics")
 
 CAPABILITIES: Capabilities[JointForm, None, None, ShapeForm, Never] = {
     "joints": {
-        "single": _SINGLE, "several": _GENERIC, "ball": Supported("spherical"), "free": Supported("free", "a rigid body without a joint"),
+        "single": _SINGLE, "several": _GENERIC, "ball": Supported("spherical"),
+        "free": Supported("free", "written as a rigid body without a joint"),
         "universal": Lossy("generic", "approximated", ": rotates about X before Y, as in Newton; UsdPhysics does not define the order"),
         "screw": Lossy("generic", "approximated", ": rotation and translation are independent"),
     },
@@ -55,7 +56,7 @@ CAPABILITIES: Capabilities[JointForm, None, None, ShapeForm, Never] = {
     },
     "shapes": {
         "box": Supported("Cube"), "cylinder": Supported("Cylinder"), "capsule": Supported("Capsule"), "sphere": Supported("Sphere"),
-        "ellipsoid": Supported("Sphere", "a scaled sphere"), "plane": Supported("Plane"), "hull": Supported("Mesh"),
+        "ellipsoid": Supported("Sphere", "written as a scaled sphere"), "plane": Supported("Plane"), "hull": Supported("Mesh"),
         "mesh": Lossy("Mesh", "approximated", ": the convex hull of the mesh is used"),
     },
     "sensors": all_of("sensors", _NONE),
