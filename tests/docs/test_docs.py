@@ -540,4 +540,3 @@ def test_decision_is_short_listed_and_names_existing_files(page: Path) -> None:
     assert 60 <= len(text.split()) <= 150 and _missing_paths(page) == []
     title = text.partition("\n")[0].removeprefix("# ")
     assert f"- [{page.name[:4]}]({page.name}): {title}\n" in (DECISIONS / "README.md").read_text()
-    assert f"(docs/decisions/{page.name})" in (ROOT / "ARCHITECTURE.md").read_text()
