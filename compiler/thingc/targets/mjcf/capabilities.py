@@ -45,7 +45,7 @@ CAPABILITIES: Capabilities[JointForm, None, LoopForm, None, None] = {
     },
     "links": {
         "frames": Supported(None, "sites"), "colours": FULL, "friction": FULL, "rolling": FULL, "adhesion": Supported(None, "an actuator"),
-        "weightless": Supported(None, "its joints are written as joints of one body"),
+        "weightless": Supported(None, "joints on both sides of the link are joints of one body"),
         "weightless_base": FULL, "point": FULL, "line": Lossy(None, "approximated", ": the inertia is 0 in the file, as for a point mass"),
     },
     "shapes": {
