@@ -360,7 +360,7 @@ def test_moving_link_without_mass_is_reported() -> None:
         (
             "MASSLESS",
             "link `dot` moves in mode `bench`, but has no mass (components `dot`, `dash`)",
-            "add `mass:` to one of its components (and `inertia:` if the component has no geometry), or use `attach` instead of a joint; "
+            "add `mass:` to a component of the link (and `inertia:` if the component has no geometry), or use `attach` instead of a joint; "
             "a link without mass is allowed only between two joints",
             9,
         )

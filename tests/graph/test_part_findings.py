@@ -186,15 +186,15 @@ def test_met_expectations_are_silent() -> None:
 
 def test_unmet_expectations_are_warnings() -> None:
     help = "attach the mount `foot` of `p:Cap` to `board.cap_seat`"
-    assert said(warnings(*board())) == [("EXPECTATION", "`board.cap_seat` expects `p:Cap`, but nothing is attached to it", help, 3)]
+    assert said(warnings(*board())) == [("EXPECTATION", "`board.cap_seat` expects `p:Cap`, but nothing is attached to this mount", help, 3)]
     plain = component("cap", "p:Cap", laid("board.cap_seat", np.eye(4)), line=5)
-    assert said(warnings(*board(plain)))[0][1] == "`board.cap_seat` expects `p:Cap`, but nothing is attached to it"
+    assert said(warnings(*board(plain)))[0][1] == "`board.cap_seat` expects `p:Cap`, but nothing is attached to this mount"
     other = warnings(*board(component("lid", "p:Plate", attach("lid.foot", "board.cap_seat"), line=5)))
-    assert said(other) == [("EXPECTATION", "`board.cap_seat` expects `p:Cap`, but `lid` (`p:Plate`) is attached to it", help, 5)]
+    assert said(other) == [("EXPECTATION", "`board.cap_seat` expects `p:Cap`, but `lid` (`p:Plate`) is attached to this mount", help, 5)]
     assert notes(other) == [("`board` is defined here", "/robots/robot.yaml", 3)]
     turned = warnings(*board(component("cap", "p:Cap", attach("cap.top", "board.cap_seat"), line=5)))
     assert said(turned) == [
-        ("EXPECTATION", "`board.cap_seat` expects `p:Cap` with its mount `foot`, but `cap` is attached with its mount `top`", help, 5)
+        ("EXPECTATION", "`board.cap_seat` expects `p:Cap` with mount `foot`, but `cap` is attached with mount `top`", help, 5)
     ]
 
 
@@ -205,7 +205,7 @@ def test_expectation_compares_parameters() -> None:
     )
     assert (
         said(warnings(model, BOARD, wide))[0][1]
-        == "`board.cap_seat` expects `p:Cap`, but `cap` (`p:Cap(width=0.2)`) is attached to it"
+        == "`board.cap_seat` expects `p:Cap`, but `cap` (`p:Cap(width=0.2)`) is attached to this mount"
     )
 
 
@@ -224,7 +224,7 @@ def test_mirrored_part_accepts_original_or_mirrored_child() -> None:
     cap_x = component("cap", part("p:Cap").mirror_image("x"), attach("cap.foot", "board.cap_seat"))
     model = assembly("a", [component("board", "p:Board"), cap_x])
     assert said(warnings(model, BOARD, replace(CAP, text="p:Cap(mirror=x)")))[0][1] == (
-        "`board.cap_seat` expects `p:Cap`, but `cap` (`p:Cap(mirror=x)`) is attached to it"
+        "`board.cap_seat` expects `p:Cap`, but `cap` (`p:Cap(mirror=x)`) is attached to this mount"
     )
 
 
@@ -264,7 +264,7 @@ def test_rounded_lengths_are_equal() -> None:
             linked(model, board, cap)
         else:
             assert said(warnings(model, board, cap))[0][1] == (
-                "`board.seat` expects `p:Cap(width=0.187672239581141)`, but `cap` (`p:Cap(width=0.1876722395)`) is attached to it"
+                "`board.seat` expects `p:Cap(width=0.187672239581141)`, but `cap` (`p:Cap(width=0.1876722395)`) is attached to this mount"
             ), "where labels are the same, the texts tell them apart"
 
 
@@ -274,5 +274,5 @@ def test_exported_expectations_are_not_checked() -> None:
     linked(shown, BOARD)  # whoever nests this assembly puts the cap there
     nested = assembly("b", [component("plate", "p:Plate"), component("h", shown, attach("h.board.foot", "plate.foot"))])
     assert [d.message for d in warnings(nested, BOARD, PLATE).diagnostics] == [
-        "`board.cap_seat` expects `p:Cap`, but nothing is attached to it"
+        "`board.cap_seat` expects `p:Cap`, but nothing is attached to this mount"
     ]

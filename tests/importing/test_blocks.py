@@ -104,7 +104,7 @@ def test_mimic_of_a_missing_joint_is_a_warning(tmp_path: Path) -> None:
     path.write_text(re.sub('<mimic joint="', '<mimic joint="no_', text, count=1))
     imported = import_robot(str(path), report)
     assert imported is not None and [(one.code.code, one.span.line) for one in report.diagnostics if one.span] == [("TC955", line)]
-    assert "it moves independently" in report.diagnostics[0].message and "did you mean" in (report.diagnostics[0].help or "")
+    assert "`mimic` is omitted" in report.diagnostics[0].message and "did you mean" in (report.diagnostics[0].help or "")
     assert [loss.why for loss in imported.losses if "mimic of" in loss.what] == ["omitted, because the other joint does not move"]
     alone = [joint for one in imported.robot.attachments for joint in one.joints if joint.follows is None]
     assert len(alone) == len([joint for one in imported.robot.attachments for joint in one.joints]) - text.count("<mimic") + 1

@@ -99,7 +99,7 @@ def test_clearance_of_a_boss_in_a_bore(rig: Workspace) -> None:
 def test_stack_without_tolerances_fails(rig: Workspace) -> None:
     answer = rig.test(two_links(), "  none: {stack: {of: tip, from: base, along: [0, 0, 1], worst: 1 um}}\n"
                                    "  same: {stack: {of: tip, from: tip, along: [0, 0, 1], rss: 1 um}}\n")
-    assert ["no part, joint or fit" in one["message"] for one in answer["diagnostics"]] == [True, True]
+    assert ["none of the parts, joints" in one["message"] for one in answer["diagnostics"]] == [True, True]
 
 
 def test_loops_and_invalid_bounds_are_rejected(rig: Workspace) -> None:

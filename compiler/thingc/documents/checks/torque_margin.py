@@ -63,7 +63,7 @@ def read_torque_margin(spec: TorqueMarginTest, reader: Reader) -> TorqueCheck:
         if absent:
             reader.error(
                 Code.TEST, f"mode `{name}` does not use the drive of joint `{absent[0]}`", "drive",
-                help="use drives that are in the `actuators` of the mode",
+                help="list only drives that are in the `actuators` of the mode",
             )
     return TorqueCheck(joints=joints, minimum=minimum)
 

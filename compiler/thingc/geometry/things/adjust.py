@@ -45,7 +45,7 @@ def adjust_thing(thing: Thing, changes: Mapping[str, object]) -> Thing:
     for family, parameter, change in parent_changes:
         call = next((call for call in _parents(base) if call.family is family), None)
         if call is None:
-            message = f"`{cls.__name__}` with these parameters does not call the `__init__` that accepts `{parameter.name}`"
+            message = f"with these parameters, `{cls.__name__}` does not call the `__init__` method that accepts `{parameter.name}`"
             raise CallError(message, owner=cls.__name__, parameter=parameter.name)
         value = _apply_change(parameter, change, call.values[parameter.name], cls.__name__)
         values = adjustments.setdefault(family, {})

@@ -86,7 +86,7 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
         else:
             code, what = Code.MASSLESS, f"has no mass ({named})"
             help = (
-                "add `mass:` to one of its components (and `inertia:` if the component has no geometry), "
+                "add `mass:` to a component of the link (and `inertia:` if the component has no geometry), "
                 "or use `attach` instead of a joint; a link without mass is allowed only between two joints"
             )
         findings.error(code, f"link `{link.name}` moves in mode `{mode}`, but {what}", link.origin, path=link.name, help=help)

@@ -210,11 +210,11 @@ def _warn_unexpected(
     text = f"`{name}.{expectation.mount}` expects `{expected}`"
     help = f"attach the mount `{expectation.child_mount}` of `{expected}` to `{name}.{expectation.mount}`"
     if part is None:
-        findings.warn(Code.EXPECTATION, f"{text}, but nothing is attached to it", owner.origin, path=owner.path, help=help)
+        findings.warn(Code.EXPECTATION, f"{text}, but nothing is attached to this mount", owner.origin, path=owner.path, help=help)
         return
     if _is_expected(part, expectation, owner):
-        message = f"{text} with its mount `{expectation.child_mount}`, but `{part.component.name}` is attached with its mount `{mount}`"
+        message = f"{text} with mount `{expectation.child_mount}`, but `{part.component.name}` is attached with mount `{mount}`"
     else:
-        message = f"{text}, but `{part.component.name}` (`{label}`) is attached to it"
+        message = f"{text}, but `{part.component.name}` (`{label}`) is attached to this mount"
     notes = make_notes(f"`{name}` is defined here", owner.origin)
     findings.warn(Code.EXPECTATION, message, part.origin, path=part.path, help=help, notes=notes)

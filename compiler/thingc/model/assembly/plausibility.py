@@ -237,7 +237,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
             Code.LIMIT_UNITS,
             f"joint `{joint.name}` has a lower limit in {low_unit} (`{lower}`) and an upper limit in {high_unit} (`{upper}`)",
             joint.origin_of(f"limit.{key}", origin), path=path, notes=_joint_note(joint, f"limit.{key}"),
-            help=f"use the same unit for both limits: `{value}` is `{twist.format(ends[key])}`",
+            help=f"use the same unit for both limits: `{value}` equals `{twist.format(ends[key])}`",
         )
 
 

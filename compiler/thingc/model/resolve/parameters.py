@@ -198,7 +198,7 @@ def _report_wrong_type(
     if isinstance(declared, Quantity):
         message, help = dimension_message(value, (declared.dimension,), label, None, names)
         if declared.dimension == NUMBER and declared.value == 0.0 and isinstance(value, Quantity):
-            help = f"add a unit to the default 0 of the parameter: `0 {value.dimension.example.partition(' ')[2]}`"
+            help = f"write the default of the parameter with a unit: `0 {value.dimension.example.partition(' ')[2]}`"
         complain(name, Code.DIMENSION, message, help=help, notes=notes)
     else:
         expected = "`true` or `false`" if isinstance(declared, bool) else "a string"

@@ -271,7 +271,7 @@ def dimension_message(
     text = shorten((source if source is not None else format_value(value)).strip())
     help: Hint | None = expression_hint(value, names) if isinstance(value, str) else None
     if isinstance(value, str) and help is not None and text.startswith("="):
-        help = f"`{shorten(value)}` is a string here; an expression begins with `=`: `={shorten(value)}`"
+        help = f"`{shorten(value)}` is a string; if you mean an expression, write `={shorten(value)}`"
     if isinstance(value, Quantity) and value.dimension == NUMBER and not text.startswith("="):
         unit = suggested_units(expected[0], text)[0]
         help = f"write `{text} {unit}`" if unit else None

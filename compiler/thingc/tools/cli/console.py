@@ -324,7 +324,7 @@ def expand_paths(arguments: Iterable[str]) -> list[str]:
         if os.path.isdir(argument):
             inside = [path if os.path.isabs(argument) else shown_path(path) for path in documents_in(argument)]
             if not inside:
-                help = "start a document with `thingc: assembly/1` or another kind"
+                help = "start each document with its kind, such as `thingc: assembly/1`"
                 raise WrongCommandLine(f"there is no document in `{argument}` or its subfolders", help, Code.NO_DOCUMENT)
         for path in inside:
             paths.setdefault(os.path.realpath(path), path)

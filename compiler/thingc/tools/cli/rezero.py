@@ -29,7 +29,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("zero", metavar="JOINT=ZERO", nargs="*", help="a joint, and the new coordinate of its present zero position")
     parser.add_argument("--flip", metavar="JOINT", action="append", default=[], help="reverse the direction of a joint (may be repeated)")
     parser.add_argument(
-        "--calibration", metavar="FILE", action="append", default=[], help="also change a calibration of this robot (may be repeated)",
+        "--calibration", metavar="FILE", action="append", default=[],
+        help="also update this calibration document of the robot (may be repeated)",
     )
     console.add_editing(parser)
 

@@ -58,7 +58,7 @@ def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list
         if not os.path.isdir(place):
             console.require_document(place)
             if not is_document(place):
-                help = "start the first line with, for example, `thingc: assembly/1`"
+                help = "start the first line with the kind of the document, such as `thingc: assembly/1`"
                 raise console.WrongCommandLine(f"`{place}` is not a document", help, Code.NO_DOCUMENT)
         workspace = Workspace.find(os.path.join(place, OWN_FILE) if os.path.isdir(place) else place, report)
         if workspace is None:

@@ -45,7 +45,7 @@ def refuse_endless(robot: SourceRobot, report: Report) -> None:
         sizes = {one.where: (one.kind, max(map(abs, dimensions_of(one.kind, one.size)))) for one in link.shapes if one.kind != "mesh"}
         far = {where: shape for where, shape in sizes.items() if not shape[1] <= FARTHEST}
         for where, (kind, size) in far.items():
-            message = f"this {kind} measures {size:.3g} m, but at most {FARTHEST:g} m is supported"
+            message = f"this {kind} has a size of {size:.3g} m, but at most {FARTHEST:g} m is supported"
             report.add(Code.SOURCE_VALUE, message, where, help=_METRES)
         if link.weight is None or far:
             continue

@@ -326,7 +326,7 @@ class _Sdf:
         key = key_of(name, frame.scope)
         if key not in self.frames.named:
             links = [key_of_frame for key_of_frame, other in self.frames.named.items() if other.element.tag in ("link", "frame")]
-            message = f"the {side} of this joint is `{name}`, but there is no such link or frame"
+            message = f"the {side} of this joint is `{name}`, but the model has no link or frame with this name"
             self.values.fault(frame.element, side, message, did_you_mean(name, links, what="links"))
             return None
         link = self.frames.link_of(key)

@@ -101,7 +101,7 @@ class _Urdf:
             self.losses.note("`effort` and `velocity` of a joint, both 0", unknown, limit.where)
         for limit in self.unlimited[:1]:
             message = f"`effort` and `velocity` are both 0 in this joint and {len(self.unlimited) - 1} others: {unknown}"
-            help = 'write the limits of its motor, for example effort="10" velocity="5"'
+            help = 'write the limits of the motor of this joint, for example effort="10" velocity="5"'
             self.report.warn(Code.SOURCE_DOUBT, message, limit.place("effort"), help=help)
         check_mimics(attachments, self.moving, self.report)
         self.losses.unread(self.root, ATTRIBUTES, INSIDE, {}, [one.where for one in self.root.children if one.tag in TAGS])
@@ -288,7 +288,7 @@ class _Urdf:
             return None
         if joint not in self.moving:
             self.losses.note(f"the mimic of `{joint}` by joint `{name}`", "omitted, because the other joint does not move", mimic.where)
-            message = f"joint `{name}` mimics `{joint}`, which is not a moving joint: it moves independently"
+            message = f"joint `{name}` mimics `{joint}`, which is not a moving joint: `mimic` is omitted"
             help = did_you_mean(joint, sorted(self.moving - {name}), what="joints")
             self.report.warn(Code.SOURCE_DOUBT, message, mimic.place("joint"), help=help)
             return None

@@ -80,7 +80,7 @@ def read_robot(path: str, data: bytes, report: Report, tag: str, form: str, *, f
     root = read_xml(path, data, report, files=files)
     if root is None or root.tag == tag:
         return root
-    message = f"{form} file starts with `<{tag}>`, but this one starts with `<{root.tag}>`"
+    message = f"{form} file starts with `<{tag}>`, but this file starts with `<{root.tag}>`"
     report.add(Code.SOURCE_XML, message, root.where, help=f"use a robot file: `.{form.split()[-1].lower()}`")
     return None
 

@@ -154,7 +154,7 @@ def write_joints(
     rigid = [one.name for one in accepted if any(one.parent in group and one.child in group for group in groups)]
     if rigid:
         message = f"the parts of the proposed joint `{rigid[0]}` are rigidly connected by other contacts"
-        help = "accept other joints together with this joint, or write the joint into the document"
+        help = "accept other proposals together with this joint, or write the joint into the document by hand"
         return EditResult(found=(UserError(message, help).diagnostic,))
     try:
         values, removed, changes = _edits(proposed, accepted, groups)

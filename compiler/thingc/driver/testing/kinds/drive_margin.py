@@ -61,7 +61,7 @@ def measure(case: TestCase, check: DriveCheck) -> Outcome:
     failure: Failure | None = None
     if worst.stuck is not None:
         failure = Failure(
-            code=Code.TEST_DRIVE, key="motion", help="add a drive to the joint, or use a mode in which its drive is present",
+            code=Code.TEST_DRIVE, key="motion", help="add a drive to the joint, or use a mode with a drive of this joint",
             message=f"the drives cannot follow the motion: no drive moves joint `{worst.stuck.replace('/', '.')}`",
         )
     elif worst.margin < check.minimum:

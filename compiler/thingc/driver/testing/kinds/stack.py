@@ -45,7 +45,7 @@ def measure(case: TestCase, check: StackCheck) -> Outcome:
         return Outcome(summary="closed loop", failure=failure)
     contributions = list(_contributions(robot, case.frames[0], check.along, base, end, path))
     if not contributions:
-        message = "no part, joint or fit between the mounts has a tolerance"
+        message = "none of the parts, joints and fits between the mounts has a tolerance"
         failure = Failure(code=Code.TEST_STACK, key="of", message=message, help="add `tolerance` to the `process` of a material")
         return Outcome(summary="no tolerance", failure=failure)
     worst = sum_of(abs(deviation) for _, deviations in contributions for deviation in deviations)

@@ -60,7 +60,7 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
     if margins[weakest] < check.minimum:
         too_weak = [path for path in check.joints if path != weakest and margins[path] < check.minimum]
         notes += [
-            Note(message=f"drive `{joints[path].name}` needs {_effort(joints[path], efforts[path])}, a margin of {margins[path]:.3g}")
+            Note(message=f"drive `{joints[path].name}` needs {_effort(joints[path], efforts[path])}: the margin is {margins[path]:.3g}")
             for path in too_weak
         ]
         failure = Failure(

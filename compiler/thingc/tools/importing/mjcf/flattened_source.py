@@ -228,7 +228,7 @@ class FlattenedSource:
             _, content = self.packages.read(uri)
             self.mesh_bytes += len(content)
             if self.mesh_bytes > MOST_MESH_BYTES:
-                message = f"with `{uri}`, the meshes have more than {MOST_MESH_BYTES:,} bytes"
+                message = f"the meshes, including `{uri}`, have more than {MOST_MESH_BYTES:,} bytes in total"
                 raise NotFound(message, "use meshes with fewer facets, and list each mesh only once")
         except NotFound as fault:
             if self.with_meshes:
