@@ -1,8 +1,8 @@
 """Write the generated pages and parts of pages: `python docs/generate.py`.
 
-`docs/diagnostics.md` lists all codes. Their pages, such as `docs/codes/TC302.md`, are written by hand, except for the title, the fix and
-the last line (`code_pages.py`); a new code gets a template. `compiler/thingc/tools/reporting/examples.json` contains the texts for `thingc
-explain`.
+`docs/diagnostics.md` lists all codes. Their pages, such as `docs/codes/TC302.md`, are written by hand, except for the last line
+(`code_pages.py`). From the pages come the entries of `Code` in `base/diagnostics.py`, and the texts for `thingc explain` in
+`compiler/thingc/tools/reporting/examples.json`.
 
 The text between `<!-- generated: ... -->` and `<!-- /generated -->` comes from the kinds in `documents/checks/` in
 `docs/language/tests.md`, from the capabilities of the targets in `docs/formats.md`, from their declarations in `docs/outputs/index.md`, and
@@ -14,13 +14,16 @@ from __future__ import annotations
 import argparse
 import inspect
 import json
+import os
 import re
+import sys
 from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any, get_type_hints
 
-from code_pages import current_page, parse_page, path_of
+from code_pages import CODES, current_codes, current_page, parse_page, path_of
+from key_tables import key_tables
 from schema_files import schema_files
 
 from thingc.base.diagnostics import Code
@@ -134,7 +137,7 @@ def examples(pages: Mapping[Path, str]) -> str:
 def generated() -> dict[Path, str]:
     """Return all generated files with their text."""
     pages = {path_of(code): current_page(code) for code in Code}
-    own = {PAGE: page(), EXAMPLES: examples(pages), TESTS: tests(), FORMATS: formats(), OUTPUTS: outputs()}
+    own = {CODES: current_codes(), PAGE: page(), EXAMPLES: examples(pages), TESTS: tests(), FORMATS: formats(), OUTPUTS: outputs()}
     return {**own, **pages, **command_pages(), **schema_files()}
 
 
@@ -195,11 +198,16 @@ def _said(cell: Cell[Any], notes: Notes) -> str:
 
 
 def tests() -> str:
-    """Return the page of tests with the table of all kinds of tests."""
+    """Return the page of tests with the table of all kinds of tests, and the tables of their keys. A new kind gets a section."""
+    text = _read(TESTS)
     rows = ["<!-- keys: TestSpec -->", "| Key | Type | Default | Description |", "|---|---|---|---|"]
     for kind in kinds().values():
         rows.append(f"| `{kind.name}` | mapping | | {_cell(kind.summary[0].lower() + kind.summary[1:].removesuffix('.'))} |")
-    return _marked(_read(TESTS), {"kinds of tests": "\n".join(rows)})
+        if f"<!-- generated: {kind.name} -->" not in text:
+            text += f"\n## {kind.name.replace('_', ' ').capitalize()}\n\n{inspect.getdoc(kind.model)}\n\n"
+            text += f"<!-- generated: {kind.name} -->\n<!-- /generated -->\n"
+    tables = {kind.name: key_tables(kind.model) for kind in kinds().values()}
+    return _marked(text, {"kinds of tests": "\n".join(rows), **tables})
 
 
 def command_pages() -> dict[Path, str]:
@@ -289,9 +297,11 @@ def _cell(text: str) -> str:
 
 
 if __name__ == "__main__":
+    codes = current_codes()
+    if codes != _read(CODES):
+        CODES.write_text(codes, encoding="utf-8", newline="\n")
+        os.execv(sys.executable, [sys.executable, *sys.argv])  # with the new codes
     files = generated()
-    for stale in set((DOCS / "codes").glob("TC*.md")) - set(files):
-        stale.unlink()
     for path, text in files.items():
         path.write_text(text, encoding="utf-8", newline="\n")
     print(f"{len(Code)} codes, {len(files)} files")

@@ -25,6 +25,7 @@ import trimesh
 import thingc
 from conformance.conftest import ARM
 from conformance.harness import ROOT, tree
+from thingc.targets.registry import TARGETS
 
 STEP_READER = ROOT / "tests" / "emit" / "read_step.py"
 BOUNDS = """
@@ -156,7 +157,8 @@ def test_manifest_lists_every_file(arm: Path, manifest: dict[str, Any], compiled
         for path in (ARM, "assemblies/end_effector.yaml", "assemblies/materials.yaml")
     }
     assert manifest["choice"] == {
-        "modes": ["bench", "drawing", "adrift"], "emit": ["mjcf", "mjz", "stl", "step", "bom", "hag"], "parameters": {}, "choices": {},
+        "modes": ["bench", "drawing", "adrift"], "emit": [name for name, target in TARGETS.items() if target.unasked],
+        "parameters": {}, "choices": {},
     }
     assert {entry["path"]: entry["mass"] for entry in manifest["occurrences"]} == {
         o.path: o.properties.mass for o in compiled.assembly.occurrences

@@ -46,7 +46,7 @@ class Code(Enum):
 
     Codes are never reused or renumbered. The value of a member is `(code, title, fix)`. For a code that can be a warning about an assembly
     document, the fourth value is the command that reports the warning. Documents can suppress these warnings, and export losses, by an
-    entry such as `allow: {TC407: reason}`.
+    entry such as `allow: {TC407: reason}`. The command `python docs/generate.py` writes the members from the pages in `docs/codes/`.
     """
 
     def __init__(self, code: str, title: str, cure: str, warned_by: Stage | None = None) -> None:
@@ -194,7 +194,8 @@ class Code(Enum):
     LONG_STEP = ("TC523", "long time step", "Write a time step of 1 to 5 ms.", Stage.CHECK)
     GRAVITY_UP = ("TC524", "gravity that points up", "Write `gravity: floor`, or `gravity: ceiling` for a robot that hangs.", Stage.CHECK)
     OTHER_MOUNT = (
-        "TC525", "exported mount with the name of another mount", "Export the other mount, or rename the exported mount.", Stage.CHECK,
+        "TC525", "exported mount with the name of another mount",
+        "Export the other mount, or rename the exported mount.", Stage.CHECK,
     )
     ALIKE = ("TC526", "two equal modes", "Change or remove one of the two modes.", Stage.CHECK)
     MIRRORED_TURN = ("TC528", "mirrored part with a wrong rotation", "Add a `turn` so that the two sides are mirror images.", Stage.CHECK)
@@ -290,9 +291,7 @@ class Code(Enum):
         "TC663", "gap that is smaller than the error of the meshes",
         "Increase the gap, use a finer `mesh` tolerance, or allow the collision with a reason.", Stage.TEST,
     )
-    TEST_STACK = (
-        "TC666", "deviation outside its bounds", "Tighten the tolerances that contribute most, or allow a larger deviation.",
-    )
+    TEST_STACK = ("TC666", "deviation outside its bounds", "Tighten the tolerances that contribute most, or allow a larger deviation.")
     TEST_EMPTY = ("TC669", "test that compares no parts", "Add parts that can collide, or remove the test.", Stage.TEST)
     TEST_DRIVE = ("TC668", "drive that cannot follow a motion", "Use a stronger or faster drive or more time, or reduce the margin.")
 

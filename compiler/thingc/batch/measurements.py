@@ -8,7 +8,7 @@ The measurements do not require a simulation.
     torque_margin                           smallest effort / |static torque| of all drives
     length.JOINT                            distance of a joint from the previous joint, as in the documents
     site:MOUNT.x y z                        position of a mount in the world, if requested
-    tests.NAME                              the value that a test measures, if requested (`TESTED`), by pose if there are several
+    tests.NAME                              the value that a test measures, if requested (`tested_values`), by pose if there are several
 
 Box, reach, torques and sites are computed for one mode and one pose.
 """
@@ -24,7 +24,7 @@ from thingc.base.memo import Memo
 from thingc.base.numeric import dist
 from thingc.base.pose import Pose
 from thingc.base.suggestions import did_you_mean
-from thingc.base.units import ANGLE, LENGTH, MASS, NUMBER, Dimension
+from thingc.base.units import Dimension
 from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.shape_links import bounding_box
 from thingc.model.assembly.types import Assembly
@@ -49,14 +49,6 @@ INERTIAS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 TEST = "tests."
 """Prefix of the names of values that document tests measure."""
-TESTED: Mapping[str, Mapping[str, Dimension]] = {
-    "mass": {"mass": MASS}, "centre": {"centre": LENGTH}, "reach": {"reach": LENGTH}, "point": {"distance": LENGTH, "angle": ANGLE},
-    "ground_clearance": {"clearance": LENGTH}, "torque_margin": {"margin": NUMBER}, "stack": {"worst": LENGTH, "rss": LENGTH},
-}
-"""The measured values and their physical dimensions, for each kind of document test.
-
-All other kinds of document tests do not measure numbers that change smoothly.
-"""
 
 
 class UnknownMount(UserError):
@@ -109,6 +101,13 @@ def measure(
     return results
 
 
+def tested_values(kind: str) -> Mapping[str, Dimension]:
+    """Return the values of a kind of document test that can be results, with their physical dimensions."""
+    from thingc.documents.checks import kinds
+
+    return kinds()[kind].smooth
+
+
 def measure_tests(request: EmitRequest, names: Collection[str]) -> Results:
     """Run document tests, and return the values that they measure by name.
 
@@ -125,7 +124,7 @@ def measure_tests(request: EmitRequest, names: Collection[str]) -> Results:
     for result in outcomes:
         same_name = [other for other in outcomes if other.name == result.name]
         differing = [getattr(result, key) for key in ("mode", "pose") if len({getattr(other, key) for other in same_name}) > 1]
-        keys = TESTED[result.kind]
+        keys = tested_values(result.kind)
         for key in keys:
             value = result.outcome.measured.get(key)
             name_parts = [TEST + result.name, *map(str, differing), *([key] if len(keys) > 1 else [])]

@@ -17,7 +17,7 @@ from thingc.batch.families.mjspec_recompile import ModelTemplate
 from thingc.batch.families.models import ModelsOfMode
 from thingc.batch.families.results import Evaluated, Explanation, NoModel
 from thingc.batch.families.search_space import SearchSpace
-from thingc.batch.measurements import SITE, TEST, TESTED, TORQUES
+from thingc.batch.measurements import SITE, TEST, TORQUES, tested_values
 from thingc.batch.plans.build_templates import Builds
 from thingc.batch.plans.numeric_plan import PlanCache
 from thingc.batch.plans.refusals import Refusals
@@ -404,7 +404,7 @@ class RobotFamily:
         for name in names:
             if name not in self._numbers.spec.tests:
                 raise FamilyError(f"there is no test `{name}`", did_you_mean(name, self._numbers.spec.tests, what="tests"))
-            if (kind := self._numbers.spec.tests[name].kind) not in TESTED:
+            if not tested_values(kind := self._numbers.spec.tests[name].kind):
                 raise FamilyError(
                     f"`{TEST}{name}` has no derivatives, because the result of a `{kind}` test is not a smooth function",
                     f"remove `{TEST}{name}`",

@@ -14,7 +14,7 @@ from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.source import ScalarNode, Span
 from thingc.base.units import Dimension, Quantity
 from thingc.batch.families.function import FamilyFunction, NotDifferentiable
-from thingc.batch.measurements import TEST, TESTED
+from thingc.batch.measurements import TEST, tested_values
 from thingc.batch.rules import dimension_of
 from thingc.batch.values import unit_in
 
@@ -52,7 +52,7 @@ def results_by_function(patterns: Iterable[str], kinds: Mapping[str, str]) -> li
     results, tests = list[str](), dict[str, list[str]]()
     for text in patterns:
         if text.startswith(TEST) and "*" in text:
-            matching = [group for group, kind in kinds.items() if kind in TESTED and fnmatchcase(group, text[len(TEST):])]
+            matching = [group for group, kind in kinds.items() if tested_values(kind) and fnmatchcase(group, text[len(TEST):])]
             tests.update((group, [TEST + group]) for group in matching or [text[len(TEST):]])
         elif text.startswith(TEST):
             tests.setdefault(text.split(".")[1], []).append(text)
@@ -106,5 +106,5 @@ def _dimension_of(result: str, kinds: Mapping[str, str]) -> Dimension:
     names = result.split(".")
     if not result.startswith(TEST):
         return dimension_of(result)
-    keys = TESTED[kinds[names[1]]]
+    keys = tested_values(kinds[names[1]])
     return keys.get(names[-1], next(iter(keys.values())))

@@ -75,5 +75,5 @@ def read_centre(spec: CentreTest, reader: Reader) -> CentreCheck:
 
 KIND = CheckKind(
     name="centre", position=2, summary="The centre of mass is inside a box.", examples=[{"within": {"x": ["-10 mm", "10 mm"]}}],
-    stub={"within": {"z": ["-1 m", "1 m"]}}, model=CentreTest, read=read_centre,
+    stub={"within": {"z": ["-1 m", "1 m"]}}, smooth={"centre": LENGTH}, model=CentreTest, read=read_centre,
 )

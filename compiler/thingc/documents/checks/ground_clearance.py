@@ -59,5 +59,5 @@ def read_ground_clearance(spec: GroundClearanceTest, reader: Reader) -> GroundCl
 KIND = CheckKind(
     name="ground_clearance", position=8, summary="The robot keeps a minimum distance from a horizontal plane.",
     examples=[{"at_least": "5 mm", "except": ["foot"]}], stub={"at_least": "0"}, lengths=("ground_clearance", "clearance"),
-    model=GroundClearanceTest, read=read_ground_clearance,
+    smooth={"clearance": LENGTH}, model=GroundClearanceTest, read=read_ground_clearance,
 )

@@ -12,7 +12,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import hypot
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Vector
-from thingc.base.units import NUMBER
+from thingc.base.units import NUMBER, Dimension
 from thingc.documents.spec.base import Model, rule
 from thingc.documents.spec.fields import Value
 
@@ -60,7 +60,9 @@ class CheckKind(FrozenStruct, Generic[TestModel, Specification]):
     `position` determines the order of the tests in the documentation. `summary` is one sentence for the schema and the documentation, and
     `examples` contains example values. `stub` is the content of a new test of this type, with the placeholders `$mount` and `$base` for
     mounts, and `$motion` for a motion. The new test is valid for any robot with a motion. `lengths` contains the names of values that are
-    lengths [m] and that `thingc diff` prints with a unit. `of_limits` is True if the specification depends on joint limits.
+    lengths [m] and that `thingc diff` prints with a unit. `smooth` contains the values that change smoothly with the numbers of the
+    document, with their physical dimensions: batches return these values as results, and families their derivatives. `of_limits` is True if
+    the specification depends on joint limits.
     """
 
     name: str
@@ -72,6 +74,7 @@ class CheckKind(FrozenStruct, Generic[TestModel, Specification]):
     read: Callable[[TestModel, Reader], Specification | None]
     link: Callable[[Test, Specification, Mapping[str, JointEdge | LinkedTendon], LinkReport], None] | None = None
     lengths: Sequence[str] = ()
+    smooth: Mapping[str, Dimension] = {}
     of_limits: bool = False
 
     def takes(self, key: str) -> bool:

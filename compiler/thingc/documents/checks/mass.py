@@ -51,5 +51,5 @@ def read_mass(spec: MassTest, reader: Reader) -> MassCheck:
 
 KIND = CheckKind(
     name="mass", position=1, summary="The mass is within bounds.", examples=[{"max": "2.2 kg"}], stub={"max": "10 kg"},
-    model=MassTest, read=read_mass,
+    smooth={"mass": MASS}, model=MassTest, read=read_mass,
 )

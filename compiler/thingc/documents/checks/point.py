@@ -80,5 +80,5 @@ KIND = CheckKind(
     name="point", position=4, summary="A mount can reach a point.",
     examples=[{"mount": "hand.tip", "at": "200 0 50 mm", "within": "1 mm"}],
     stub={"mount": "$mount", "at": ["0", "0", "0"], "within": "1 m"}, lengths=("point", "distance"),
-    model=PointTest, read=read_point,
+    smooth={"distance": LENGTH, "angle": ANGLE}, model=PointTest, read=read_point,
 )

@@ -59,5 +59,5 @@ KIND = CheckKind(
     name="reach", position=3, summary="The greatest distance between two mounts is within bounds.",
     examples=[{"of": "hand.tip", "from": "plate.bottom", "min": "300 mm"}],
     stub={"of": "$mount", "from": "$base", "min": "1 mm"}, lengths=("reach",),
-    model=ReachTest, read=read_reach,
+    smooth={"reach": LENGTH}, model=ReachTest, read=read_reach,
 )

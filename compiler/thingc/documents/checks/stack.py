@@ -89,5 +89,5 @@ KIND = CheckKind(
     name="stack", position=10, summary="The deviation that tolerances cause between two mounts is within bounds.",
     examples=[{"of": "hand.tip", "from": "plate.bottom", "along": [0, 0, 1], "rss": "0.5 mm"}],
     stub={"of": "$mount", "from": "$base", "along": ["0", "0", "1"], "worst": "1 mm"}, lengths=("worst", "rss"),
-    model=StackTest, read=read_stack,
+    smooth={"worst": LENGTH, "rss": LENGTH}, model=StackTest, read=read_stack,
 )

@@ -29,7 +29,7 @@ class TorqueMarginTest(Model):
     drive: JointNames = Field(examples=["shoulder", ["shoulder", "leg_*"]])
     """Names or patterns of driven joints."""
     mode: ModeNames | None = optional("bench", ["bench", "wall"])
-    """Names or patterns of modes whose base is `fixed` or `held`, or `all`; default: the first mode."""
+    """Names or patterns of modes in which the robot has a support, or `all`; default: the first mode."""
     pose: PoseNames | None = optional("home", "leg_*", ["home", "reach"])
     """Names or patterns of poses, or `all` keyframes of the mode; default: the start pose of the mode."""
     min: NumberField
@@ -95,6 +95,6 @@ def link(test: Test, check: TorqueCheck, drives: Mapping[str, JointEdge | Linked
 
 KIND = CheckKind(
     name="torque_margin", position=6, summary="Drives hold the robot still against gravity, with a margin.",
-    examples=[{"drive": "shoulder", "min": 1.5, "pose": "stretched"}], stub={"drive": "*", "min": "2"}, model=TorqueMarginTest,
-    read=read_torque_margin, link=link,
+    examples=[{"drive": "shoulder", "min": 1.5, "pose": "stretched"}], stub={"drive": "*", "min": "2"}, smooth={"margin": NUMBER},
+    model=TorqueMarginTest, read=read_torque_margin, link=link,
 )

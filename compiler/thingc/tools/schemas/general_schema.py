@@ -26,7 +26,7 @@ def json_schema(kind: str) -> dict[str, Any]:
     model = model_of(kind)
     assert model is not None, kind
     schema = model.model_json_schema(schema_generator=_Generator)
-    documented = {**_documentation(), "TestSpec": {check.name: check.summary for check in kinds().values()}}
+    documented = {**field_docstrings(), "TestSpec": {check.name: check.summary for check in kinds().values()}}
     for name, definition in {**schema.get("$defs", {}), model.__name__: schema}.items():
         _describe(definition, documented.get(name, {}))
     cleaned: dict[str, Any] = _without_null(schema)
@@ -40,6 +40,19 @@ def json_schema(kind: str) -> dict[str, Any]:
         "examples": [f"../schemas/{kind}-1.json"],
     }
     return {"$schema": DIALECT, **cleaned, "title": f"thingc {kind} document, version 1"}
+
+
+def field_docstrings() -> dict[str, dict[str, str]]:
+    """Return the docstrings of the fields of all loaded pydantic models, including inherited fields, keyed by class name and field name."""
+    models = [*_submodels(Model)]
+    texts: dict[str, dict[str, str]] = {}
+    for module in dict.fromkeys(model.__module__ for model in models):
+        nodes = ast.parse(inspect.getsource(sys.modules[module])).body
+        texts |= {node.name: dict(_field_texts(node)) for node in nodes if isinstance(node, ast.ClassDef)}
+    return {
+        model.__name__: {name: text for base in reversed(model.__mro__) for name, text in texts.get(base.__name__, {}).items()}
+        for model in models
+    }
 
 
 class _Generator(GenerateJsonSchema):
@@ -57,19 +70,6 @@ class _Generator(GenerateJsonSchema):
             if "pattern" in names:
                 mapping["propertyNames"] = {"pattern": names["pattern"]}
         return mapping
-
-
-def _documentation() -> dict[str, dict[str, str]]:
-    """Return the docstrings of the fields of all loaded pydantic models, including inherited fields, keyed by class name and field name."""
-    models = [*_submodels(Model)]
-    texts: dict[str, dict[str, str]] = {}
-    for module in dict.fromkeys(model.__module__ for model in models):
-        nodes = ast.parse(inspect.getsource(sys.modules[module])).body
-        texts |= {node.name: dict(_field_texts(node)) for node in nodes if isinstance(node, ast.ClassDef)}
-    return {
-        model.__name__: {name: text for base in reversed(model.__mro__) for name, text in texts.get(base.__name__, {}).items()}
-        for model in models
-    }
 
 
 def _submodels(model: type[Model]) -> Iterator[type[Model]]:
