@@ -172,6 +172,18 @@ IN_OTHER_WORDS = {("ModeSpec", "`root`"), ("DriveSpec", "`kp`")}
 """Required by a rule, not by the field itself. For example, a mode may inherit its root from the mode that it extends."""
 
 
+def test_generated_key_tables_describe_types_and_defaults() -> None:
+    names = ("PointTest", "NoCollisionTest", "DriveMarginTest", "GroundClearanceTest", "SettlesTest", "WithinSpec")
+    cells = {(name, row[0].strip("`")): row[1:] for name in names for row in table(LANGUAGE, f"keys: {name}")}
+    assert cells["PointTest", "angle"] == ["an angle", "1 deg", "the largest allowed angle between the z axis of the mount and `direction`"]
+    assert cells["WithinSpec", "x"] == ["2 lengths", "none", "smallest and largest x coordinate"]
+    assert cells["NoCollisionTest", "joints"][:2] == ["`all` or joints or mapping", "none"]
+    assert cells["NoCollisionTest", "allow"][:2] == ["list of mappings", "none"]
+    assert cells["NoCollisionTest", "certify"][:2] == ["boolean or `references`", "`false`"]
+    assert cells["NoCollisionTest", "certify"][2].endswith("designed for.") and cells["DriveMarginTest", "drive"][:2] == ["joints", "all"]
+    assert cells["GroundClearanceTest", "except"][:2] == ["components", "none"] and cells["SettlesTest", "floor"][1] == "`true`"
+
+
 def _field(model: type, key: str) -> str:
     return next(name for name, field in model.model_fields.items() if key in (name, field.alias))  # type: ignore[attr-defined]
 

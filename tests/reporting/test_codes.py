@@ -8,10 +8,12 @@ import json
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import code_pages
 import pytest
 from code_pages import path_of, read_page, unpack, with_output
 from generate import generated
@@ -122,6 +124,24 @@ def test_generated_pages_are_up_to_date() -> None:
     files = generated()
     stale = [str(path.relative_to(ROOT)) for path, text in files.items() if not path.exists() or path.read_text(encoding="utf-8") != text]
     assert stale == [], AGAIN
+
+
+def test_pages_define_the_entries_of_codes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "codes"
+    shutil.copytree(code_pages.PAGES, folder)
+    monkeypatch.setattr(code_pages, "PAGES", folder)
+    (folder / "TC417.md").unlink()
+    text = "# TC418: dark \"part\"\n<!-- Code.DARK, Stage.BUILD -->\n\nThe part is dark.\n\n**Fix.** Add light.\n"
+    (folder / "TC418.md").write_text(text)
+    lines = code_pages.current_codes().splitlines()
+    at = lines.index('    DARK = ("TC418", "dark \\"part\\"", "Add light.", Stage.BUILD)')
+    assert '"TC416"' in lines[at - 1] and not any('"TC417"' in line for line in lines)
+    (folder / "TC418.md").write_text(text.replace("Add light.", "Add more light. " * 8 + "Wait."))
+    assert '        "TC418", "dark \\"part\\"",' in code_pages.current_codes().splitlines()
+    for old, new, error in (("DARK", "SIZE", AssertionError), ("BUILD", "NIGHT", KeyError), ("TC418", "TC999", AssertionError)):
+        (folder / "TC418.md").write_text(text.replace(old, new))
+        with pytest.raises(error):
+            code_pages.current_codes()
 
 
 def test_table_links_to_every_page() -> None:
