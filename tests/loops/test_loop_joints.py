@@ -343,3 +343,23 @@ def test_tiny_gap_across_the_plane_is_tolerated(off: str, said: list[str], tmp_p
     for frame in found.robot("bench").keyframes if not said else ():
         assert frame.q["pivot"] == pytest.approx(rocker_angle(frame.q["drive"]), abs=1e-12)
         assert frame.residual is not None and frame.residual[0] == pytest.approx(4e-8, abs=1e-12)
+
+
+def test_hinges_with_another_axis_turn_in_closed_loops(tmp_path: Path) -> None:
+    """The second `connect` of a hinge is on its axis: it moves 30 mm sideways in a quarter turn about another axis."""
+    links = "".join(f"  {name}: {{frame: true, mass: 100 g, {BALL}, mounts: {{end: {{xyz: {end} mm}}}}}}\n" for name, end in (
+        ("ground", "50 0 0"), ("left", "0 0 60"), ("bar", "50 0 0"), ("right", "0 0 60"),
+    ))
+    joints = "".join(
+        f"  {name}: {{type: continuous, parent: {parent}, child: {child}, axis: [0, 1, 0], loop: {str(name == 'loop').lower()}}}\n"
+        for name, parent, child in (
+            ("a", "ground.origin", "left.origin"), ("b", "left.end", "bar.origin"), ("c", "ground.end", "right.origin"),
+            ("loop", "bar.end", "right.end"),
+        )
+    )
+    text = f"thingc: assembly/1\nname: parallel\ncomponents:\n{links}joints:\n{joints}poses: {{tilted: {{a: 70 deg}}}}\n"
+    made = compiled(tmp_path, text + "modes: {bench: {root: ground, pose: tilted}}\n")
+    model = made.model("bench")
+    data = at_key(model, "tilted")
+    assert data.joint("c").qpos[0] == pytest.approx(np.radians(70.0), abs=1e-9)
+    assert equality_residual(data) < 1e-9

@@ -135,8 +135,8 @@ def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tupl
         return [((anchor_name(closure), NO_POSE), (closure.path, closure.X_CB))]
     lever = _lever(robot, closure)
     second_points = make_translation(0.0, 0.0, lever), make_translation(0.0, 0.0, lever)
-    if closure.kind == "universal":
-        (x, y, z), (u, v, w) = (twist.angular for twist in closure.twists)
+    if closure.kind in ("hinge", "universal") and any(closure.twists[0].angular[:2]):
+        (x, y, z), (u, v, w) = (closure.twists[k].angular for k in (0, -1))
         second_points = make_translation(lever * x, lever * y, lever * z), make_translation(lever * u, lever * v, lever * w)
     return [
         ((f"{closure.path}:parent{suffix}", closure.X_PA @ on_parent), (f"{closure.path}:child{suffix}", closure.X_CB @ on_child))
