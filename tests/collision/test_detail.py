@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import thingc
 from collision.test_collision_shapes import built, model_of, workspace
 from thingc.targets.artifact import Artifacts
 from thingc.tools.cli.main import main
@@ -48,7 +49,7 @@ def drawn(made: dict[str, Artifacts], file: str) -> set[str]:
 @pytest.mark.parametrize(("detail", "omitted"), [
     ("sim: -fasteners", {"left/bolt", "right/bolt"}),
     ("sim: [-cosmetic, -hands]", {"cover", "left/palm", "left/bolt"}),
-    ("sim: -cosmetic, mjcf: [-fasteners], urdf: []", {"left/bolt", "right/bolt"}),
+    ("sim: -cosmetic, mjcf: [-fasteners], urdf: none", {"left/bolt", "right/bolt"}),
 ])
 def test_omitted_shapes_do_not_change_masses(tmp_path: Path, shared_store: str, detail: str, omitted: set[str]) -> None:
     workspace(tmp_path)
@@ -81,6 +82,15 @@ def test_single_build_can_omit_a_level(tmp_path: Path, shared_store: str, capsys
     omit = "to omit this level of detail, write `-cosmetic`"
     for words in ("no component has the level of detail `fastener`", "did you mean `fasteners`?", omit):
         assert words in shown.out + shown.err
+
+
+def test_variants_omit_levels_or_none(tmp_path: Path) -> None:
+    tmp_path.joinpath("hand.yaml").write_text(HAND)
+    text = "thingc: variants/1\nname: hands\nassembly: hand.yaml\nparameters: {detail.sim: [-fasteners, none]}\n"
+    tmp_path.joinpath("hands.yaml").write_text(text)
+    with thingc.family(tmp_path / "hands.yaml", store=str(tmp_path / "store")) as family:
+        models = {variant.choices.get("detail.sim"): family.model(variant) for variant in family.variants}
+    assert {levels: model and model.ngeom for levels, model in models.items()} == {"-fasteners": 2, "none": 4}
 
 
 def test_many_levels_of_nested_documents_are_read_once(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -319,8 +319,8 @@ def name_of(value: Any) -> str:
 
 
 def _validate_omitted(value: Any) -> tuple[str, ...]:
-    """Validate levels of detail that are omitted, such as `-fasteners`, and return their names."""
-    levels = value if isinstance(value, list) else [value]
+    """Validate levels of detail that are omitted, such as `-fasteners`, and return their names. `none` is an empty list."""
+    levels = value if isinstance(value, list) else [] if value == "none" else [value]
     for text in levels:
         if not isinstance(text, str) or not text.startswith("-"):
             help = "write, for example, `-fasteners`"
@@ -425,8 +425,9 @@ _INDEX_SCHEMA = {"type": "string", "pattern": "^[0-9]$"}
 _NAME_SCHEMA = {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]*$", "examples": ["shoulder"]}
 _LEVEL_SCHEMA = {"type": "string", "pattern": "^-[A-Za-z][A-Za-z0-9_]*$"}
 _OMITTED_SCHEMA = {
-    "description": "Levels of detail, each with a minus sign.", "examples": ["-fasteners", ["-fasteners", "-electronics"]],
-    "anyOf": [_LEVEL_SCHEMA, {"type": "array", "items": _LEVEL_SCHEMA}],
+    "description": "Levels of detail, each with a minus sign, or `none`.",
+    "examples": ["-fasteners", ["-fasteners", "-electronics"], "none"],
+    "anyOf": [_LEVEL_SCHEMA, {"const": "none"}, {"type": "array", "items": _LEVEL_SCHEMA}],
 }
 REFERENCE_PATTERN = rf"^{_REFERENCE_WORD.pattern}(\.{_REFERENCE_WORD.pattern})*$"
 """Regular expression of a reference for the JSON Schemas."""
