@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
     from thingc.geometry.client import Workers
     from thingc.geometry.lock.lock import Lock
+    from thingc.geometry.lock.reader import LockOnlyGeometry
     from thingc.geometry.part_source import PartSource
     from thingc.geometry.service import GeometryService
     from thingc.geometry.store.local import Store
@@ -114,8 +115,14 @@ class Environment:
             return self._parts_provider(self.workspace, self.store)
         if self.options.code:
             return geometry_of(self.workspace, self.options, self.store, self._lock if self.options.lock else None)
+        return self.locked
+
+    @cached_property
+    def locked(self) -> LockOnlyGeometry:
+        """The reader of the lock file, for lumps, or for all parts if no code may run. `workspace` must not be None."""
         from thingc.geometry.lock.reader import LockOnlyGeometry
 
+        assert self.workspace is not None
         return LockOnlyGeometry(self.workspace, self._lock())
 
     @property

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
     from thingc.geometry.build_reasons import BuildReason
     from thingc.geometry.record import Mesh, PartFailure, PartRecord, PartSchema
+    from thingc.model.assembly.shape_links import Meshes
     from thingc.model.assembly.types import Assembly
     from thingc.model.resolve.resolver import Settings, Sources
     from thingc.model.resolve.types import AssemblyDefinition
@@ -49,6 +50,7 @@ _SEARCHED_BYTES = 1 << 20
 _MAX_DOCUMENTS = 100
 """If a document contains more nested documents, it probably needs the CAD kernel."""
 _NAMES_PART = re.compile(rb"\b(?:part|file)[\"']?\s*[:=]")
+_NAMES_LUMP = re.compile(rb"\bas[\"']?\s*[:=]\s*[\"']?lump\b")
 _NAMES_ASSEMBLY = re.compile(rb"\bassembly[\"']?\s*[:=]\s*[\"']?([^\s\"',}]+)")
 
 
@@ -181,11 +183,13 @@ def build(environment: Environment, compilation: Compilation, targets: Sequence[
 # --- passes --------------------------------------------------------------------------------------------------------
 
 
-def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, modelling: bool = False) -> Sources | None:
+def read(
+    environment: Environment, kinds: Sequence[str] = ("assembly",), *, modelling: bool = False, lumps: bool = True,
+) -> Sources | None:
     """Run the passes `load` and `validate` on the document, and load the schemas of all parts that it references.
 
     Return None if the document cannot be read. Set `modelling` to True if the caller builds parts next: the CAD kernel is then loaded in
-    advance if the store probably does not contain all parts.
+    advance if the store probably does not contain all parts. With `lumps`, the schemas of parts in lumps come from the lock file.
     """
     workspace, report = environment.workspace, environment.report
     if workspace is None:
@@ -193,18 +197,26 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
     # start this before other imports, because it takes longest
     kernel_loads = modelling and _may_need_kernel(environment, workspace) and environment.parts.anticipate()
     from thingc.documents.load.documents import load
-    from thingc.documents.spec.validation import part_references, validate
+    from thingc.documents.spec.validation import documents_in_lumps, part_references, validate
 
     documents = load(environment.document, workspace, report, kinds=kinds, texts=environment.options.texts, memo=environment.memo)
     if documents is None:
         return None
     specs = validate(documents, report, environment.memo)
     part_uses = part_references(specs, documents) if documents.root.kind == "assembly" else ()
-    references = [reference for reference, _ in part_uses]
+    in_lumps = documents_in_lumps(specs, documents) if lumps and documents.root.kind == "assembly" else frozenset()
+    locked = [reference for reference, span in part_uses if span.file in in_lumps]
+    references = [reference for reference, span in part_uses if span.file not in in_lumps]
     if kernel_loads and references:
         schemas = environment.geometry.describe(references, lambda: [*map(import_module, (*PASSES, *environment.options.ahead))])
     else:
         schemas = environment.parts.describe(references) if references else {}
+    if locked:
+        from thingc.geometry.lock.lock import read_lock, report_missing
+
+        if environment.options.code and read_lock(workspace, report) is None:
+            report_missing(workspace, report)
+        schemas = {**environment.locked.describe(locked), **schemas}
     from thingc.geometry.store.file_digests import digest_of
     from thingc.model.resolve.resolver import Sources
 
@@ -228,7 +240,8 @@ def _may_need_kernel(environment: Environment, workspace: Workspace) -> bool:
                 continue
         if _NAMES_PART.search(text) or len(documents) > _MAX_DOCUMENTS:
             return True
-        nested = (os.path.join(os.path.dirname(document), os.fsdecode(name)) for name in set(_NAMES_ASSEMBLY.findall(text)))
+        names = set() if _NAMES_LUMP.search(text) else set(_NAMES_ASSEMBLY.findall(text))  # parts of lumps are not built
+        nested = (os.path.join(os.path.dirname(document), os.fsdecode(name)) for name in names)
         documents += {os.path.normpath(path) for path in nested}.difference(documents)
     return False
 
@@ -299,6 +312,7 @@ def _run_passes(
     from thingc.model.resolve.resolver import resolve, resolve_materials
     from thingc.model.robot.floor_height import stand
     from thingc.model.robot.kinematic_tree import root
+    from thingc.model.robot.lumps import with_lumps
 
     report, memo = environment.report.copy(), environment.memo
     if loaded is None:
@@ -318,15 +332,19 @@ def _run_passes(
         return compilation
     if not report.failed:
         _require_modes(modes, model, documents)
+
+    def meshes_of(model: AssemblyDefinition) -> Meshes:
+        files = listed_meshes(model, drawn=not environment.options.lock) if environment.options.code else {}
+        return mesh_records(files, environment.store, report, memo) if files else {}
+
+    model = with_lumps(model, lambda: environment.locked, meshes_of, report)
     definitions = model.part_definitions()
     records = parts.realize(definitions, model.decompositions(), partial(likely_slicings, model, sources.schemas))
     model = with_own_images(model, records)
     records = parts.slice(definitions, records, slicings_of(model, records))
     environment.report_lock_gaps(report)
     compilation = replace(compilation, decisions=parts.decisions, model=model, records=records)
-    mesh_files = listed_meshes(model, drawn=not environment.options.lock) if environment.options.code else {}
-    read_meshes = mesh_records(mesh_files, environment.store, report, memo) if mesh_files else {}
-    meshes = with_pieces(model, read_meshes, parts.decompose, report)
+    meshes = with_pieces(model, meshes_of(model), parts.decompose, report)
     linked = link(model, records, report, memo, meshes)
     if linked is None:
         return compilation

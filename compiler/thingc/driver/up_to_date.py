@@ -145,6 +145,7 @@ def dependencies_of(environment: Environment, compilation: Compilation) -> set[s
     paths = {environment.document, *(workspace.inputs if workspace is not None else settings_files(environment.document))}
     if workspace is not None:
         paths.update(environment.parts.inputs, chosen_files(compilation.settings.choices, environment.document))
+        paths.update(environment.locked.inputs if "locked" in vars(environment) else ())
     if documents is not None:
         paths.update(documents.files, (document.path for document in documents.by_path.values()))
     return paths

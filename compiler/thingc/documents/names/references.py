@@ -129,7 +129,7 @@ class NameReader:
                 yield from self.in_section(base, "sensor", text.partition(":")[0])
             case "material":
                 yield from self.material(base, text)
-            case "parameter of a nested assembly" | "mode of a nested assembly":
+            case "parameter of a nested assembly" | "mode of a nested assembly" | "pose of this nested assembly":
                 yield from self.in_section(self.find_nested(base, str(path[1])), kind.partition(" ")[0], text)
             case "parameter of a part":
                 if (thing := self.thing(base, str(path[1]))) is not None:

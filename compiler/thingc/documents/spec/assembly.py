@@ -180,6 +180,7 @@ def _component_rules(schema: dict[str, Any]) -> None:
         key: {"anyOf": [{"required": [of]}, {"properties": {key: {"maxProperties": 0}}}]}
         for key, of in (("params", "part"), ("parameters", "assembly"))
     } | {
+        "as": {"required": ["assembly"], "not": {"required": ["mode"]}}, "pose": {"required": ["as"]},
         "unit": {"required": ["file"]}, "faces": {"required": ["file"]}, "shapes": {"required": ["link"]},
         "mode": {"required": ["assembly", "at"]},
         **{key: {"not": {"required": ["link"]}} for key in PART_KEYS},
@@ -224,6 +225,11 @@ class ComponentSpec(ComponentDefaults):
     """Placement by a pose in another frame."""
     mode: name_types.NestedMode | None = optional("bench")
     """A mode of the nested assembly. The root of the mode is placed `at` the pose, and can move like the base of the mode."""
+    as_: Literal["lump"] | None = Field(
+        default=None, alias="as", description="`lump` replaces the nested assembly by one rigid body, computed from `parts.lock.json`.",
+    )
+    pose: name_types.NestedPose | None = optional("folded")
+    """The pose of the nested assembly in a lump; default: the start pose of its first mode."""
     keep: bool = False
     """Whether the component starts a separate link, which a fixed joint connects to its neighbour; only with `attach` or `at`."""
     mounts: dict[name_types.NewMount, MountSpec] = Field(default={}, examples=[{"shaft": {"xyz": "0 0 20 mm", "rpy": "180 0 0 deg"}}])
@@ -275,6 +281,11 @@ class ComponentSpec(ComponentDefaults):
         if self.attach is not None and self.at is not None:
             raise rule("a component cannot have both `attach` and `at`", "remove `attach` or `at`", "at")
         require_with(self, "mode", "assembly", "remove `mode`")
+        if self.as_ is not None and (self.assembly is None or self.mode is not None):
+            raise rule("`as: lump` can only be used with `assembly`, and without `mode`", "remove `as`, or replace `mode` by `pose`", "as")
+        if self.pose is not None and self.as_ is None:
+            help = "add `as: lump`, or place the component by `attach`, `at` or a joint"
+            raise rule("`pose` can only be used with `as: lump`", help, "pose")
         if self.keep and self.attach is None and self.at is None:
             raise rule("`keep` can only be used with `attach` or `at`", "write `keep: true` in a `fixed` joint, or remove `keep`", "keep")
         if isinstance(self.attach, dict) and len(self.attach) != 1:

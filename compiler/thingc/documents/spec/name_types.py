@@ -23,8 +23,8 @@ Declared = Literal[
 ReferenceKind = Literal[
     "assembly document", "choice", "component", "coordinate", "coordinate or tendon", "expression", "joint", "joint or nested assembly",
     "material", "materials document", "mode", "mode of a nested assembly", "modes", "motion", "mount", "mount of its own",
-    "mount or export", "parameter of a nested assembly", "parameter of a part", "part", "pose", "pose of a nested assembly", "poses", "raw",
-    "root", "rule", "sensor", "setting", "tendon",
+    "mount or export", "parameter of a nested assembly", "parameter of a part", "part", "pose", "pose of a nested assembly",
+    "pose of this nested assembly", "poses", "raw", "root", "rule", "sensor", "setting", "tendon",
 ]
 """Kinds of references in documents.
 
@@ -81,6 +81,7 @@ MotionField = Annotated[Name, RefersTo("motion")]
 MountField = Annotated[ReferenceField, RefersTo("mount")]
 NestedMode = Annotated[Name, RefersTo("mode of a nested assembly")]
 NestedParameter = Annotated[str, RefersTo("parameter of a nested assembly")]
+NestedPose = Annotated[Name, RefersTo("pose of this nested assembly")]
 OwnComponentKey = Annotated[str, RefersTo("component")]
 OwnExportKey = Annotated[str, RefersTo("mount or export")]
 OwnJointKey = Annotated[str, RefersTo("joint")]

@@ -111,6 +111,19 @@ def _build(model: type[Model]) -> None:
             sys.modules[name] = original
 
 
+def documents_in_lumps(specs: Specs, documents: Documents) -> frozenset[str]:
+    """Return the absolute paths of the assembly documents that are nested only in components with `as: lump`."""
+    waiting = [(documents.root.relative, False)]
+    for outer, in_lump in waiting:  # the list grows
+        spec = specs.get(outer)
+        for component in spec.components.values() if isinstance(spec, AssemblySpec) else ():
+            document = documents.find_referenced(documents.by_path[outer], component.assembly or "")
+            use = (document.relative if document is not None else outer, in_lump or component.as_ is not None)
+            waiting += [use] if document is not None and use not in waiting else []
+    lumps, others = ({path for path, in_lump in waiting if in_lump is wanted} for wanted in (True, False))
+    return frozenset(documents.by_path[path].path for path in lumps - others)
+
+
 def part_references(specs: Specs, documents: Documents) -> tuple[tuple[str, Span], ...]:
     """Return every reference to a part class (`part: module:Class`) in the assembly documents, with its location and in source order."""
     references: list[tuple[str, Span]] = []

@@ -162,7 +162,7 @@ def report_missing(workspace: Workspace, report: Report) -> None:
     """
     if not os.path.lexists(lock_path(workspace)):
         report.add(
-            Code.NO_LOCK, f"the workspace has no `{LOCK_FILE}`, which is required to check parts without running their code",
+            Code.NO_LOCK, f"the workspace has no `{LOCK_FILE}`, which is required for lumps, and to check parts without running their code",
             workspace.origin, help=REMAKE,
         )
 

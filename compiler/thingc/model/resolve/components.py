@@ -20,6 +20,7 @@ from thingc.model.resolve.bom import bom_entry
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun, names_in
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.mirroring import mirror_assembly, other_axis
+from thingc.model.resolve.modes import rigid_mode
 from thingc.model.resolve.parameters import check_values
 from thingc.model.resolve.parts import of_code, of_file
 from thingc.model.resolve.repeats import MAX_OCCURRENCES, Unrolled
@@ -91,6 +92,11 @@ def _define(context: ResolveRun, table: DocumentScope, node: ComponentScope, nes
         node.definition = node.definition.mirror_image(spec.mirror)
     elif spec.mirror is not None and node.table is not None and node.table.definition is not None:
         node.definition = _image(node, node.table, node.table.definition, spec.mirror)
+    if spec.as_ is not None and node.table is not None:
+        nested, mode = node.definition, rigid_mode(node, node.table)
+        node.table = None  # no names in a rigid body can be referenced, except its mounts
+        if isinstance(nested, AssemblyDefinition):
+            node.definition = replace(nested, modes=(mode,), lump=True) if mode is not None else None
 
 
 def _image(node: ComponentScope, table: DocumentScope, definition: AssemblyDefinition, axis: str) -> AssemblyDefinition | None:

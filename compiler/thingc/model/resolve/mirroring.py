@@ -16,7 +16,7 @@ unchanged. A component that is placed `at` X in a frame is then at `D X D`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from msgspec.structs import replace
 
@@ -130,6 +130,22 @@ def with_own_images(model: AssemblyDefinition, records: Mapping[str, PartRecord 
 
     `records` contains the records of all definitions in the model, and of the originals of mirror images.
     """
+    def with_original(component: Component) -> Component:
+        definition = component.definition
+        if not isinstance(definition, PartDefinition) or component.image_of is None or definition.plain is None:
+            return component
+        image, plain = (records.get(text) for text in (definition.text, definition.plain.text))
+        if not isinstance(image, PartRecord) or not isinstance(plain, PartRecord) or not image.own_image:
+            return component
+        if (image.com, image.matrix) != (plain.com, plain.matrix):  # the specified centres of mass and inertias
+            return component
+        return replace(component, definition=definition.plain, bom=component.image_of.bom, mounts_mirrored=definition.mirror)
+
+    return with_components(model, with_original)
+
+
+def with_components(model: AssemblyDefinition, change: Callable[[Component], Component]) -> AssemblyDefinition:
+    """Return a copy of the model in which `change` has replaced every component at every level, inner components first."""
     results: dict[int, AssemblyDefinition] = {}  # equal definitions remain the same object, and unchanged definitions are not copied
 
     def of(definition: AssemblyDefinition) -> AssemblyDefinition:
@@ -140,17 +156,7 @@ def with_own_images(model: AssemblyDefinition, records: Mapping[str, PartRecord 
         return results[id(definition)]
 
     def of_component(component: Component) -> Component:
-        definition = component.definition
-        if isinstance(definition, AssemblyDefinition):
-            inner = of(definition)
-            return component if inner is definition else replace(component, definition=inner)
-        if not isinstance(definition, PartDefinition) or component.image_of is None or definition.plain is None:
-            return component
-        image, plain = (records.get(text) for text in (definition.text, definition.plain.text))
-        if not isinstance(image, PartRecord) or not isinstance(plain, PartRecord) or not image.own_image:
-            return component
-        if (image.com, image.matrix) != (plain.com, plain.matrix):  # the specified centres of mass and inertias
-            return component
-        return replace(component, definition=definition.plain, bom=component.image_of.bom, mounts_mirrored=definition.mirror)
+        inner = of(component.definition) if isinstance(component.definition, AssemblyDefinition) else component.definition
+        return change(component if inner is component.definition else replace(component, definition=inner))
 
     return of(model)

@@ -138,17 +138,38 @@ def modes(table: DocumentScope, scope: Scope) -> tuple[Mode, ...]:
     """
     spec = table.spec
     if not spec.modes:
-        if table.base is None or any(doubt[:1] == ("modes",) for doubt in scope.doubts.paths):
-            return ()
-        origin = table.nodes[table.base].scope.origin(table.nodes[table.base].path, key=True)
-        return (Mode(
-            name="default", root=Reference(path=(table.base,), mount=None, origin=origin), base="fixed", at=NO_POSE,
-            gravity=GRAVITY["floor"], pose=None, poses=tuple(table.poses), actuators=None, exclude=(), adhesion=(), simulation={},
-            origin=origin, stated=False,
-        ),)
+        return () if table.base is None or any(doubt[:1] == ("modes",) for doubt in scope.doubts.paths) else (_default(table, table.base),)
     in_cycle = _names_in_cycles(scope, spec.modes)
     resolved = [_mode(table, scope, name, in_cycle) for name in spec.modes]
     return tuple(mode for mode in resolved if mode is not None)
+
+
+def _default(table: DocumentScope, base: str) -> Mode:
+    """Return the mode of a document without modes, in which the component `base` is fixed."""
+    origin = table.nodes[base].scope.origin(table.nodes[base].path, key=True)
+    return Mode(
+        name="default", root=Reference(path=(base,), mount=None, origin=origin), base="fixed", at=NO_POSE, gravity=GRAVITY["floor"],
+        pose=None, poses=tuple(table.poses), actuators=None, exclude=(), adhesion=(), simulation={}, origin=origin, stated=False,
+    )
+
+
+def rigid_mode(node: ComponentScope, inner: DocumentScope) -> Mode | None:
+    """Return the mode in which a nested assembly with `as: lump` is one rigid body. Its start pose is the pose of the body.
+
+    By default, this pose is the start pose of the first mode. If the pose does not exist, report an error and return None.
+    """
+    pose, specs = node.spec.pose, inner.spec.modes
+    if pose is None and specs:
+        layers = _layers(inner.scope, specs, next(iter(specs)), _names_in_cycles(inner.scope, specs))
+        pose = layers.pick("pose").value if layers is not None else None
+    if inner.base is None or pose is not None and inner.poses.get(pose) is None:
+        if pose not in inner.spec.poses and inner.base is not None and not inner.doubts.lacks("poses"):
+            node.scope.error(
+                Code.UNKNOWN_POSE, f"`{node.name}` (`{inner.document.relative}`) has no pose `{pose}`", (*node.path, "pose"),
+                help=suggest(pose or "", inner.spec.poses, what="poses"), notes=references.definition_note(inner),
+            )
+        return None
+    return replace(_default(inner, inner.base), pose=pose, poses=() if pose is None else (pose,))
 
 
 def _names_in_cycles(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:

@@ -674,7 +674,8 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
     because of another, invalid reference. `step_origin` is the location of the setting `timestep` in the document. A mirror image is a
     separate definition, such as `leg(mirror=y)`. `mirror` is the axis along which it is mirrored, and `plain` is the original definition.
     `catalog` contains the entries of the catalogue of the document, by order number. `omitted` contains the levels of detail that each
-    simulation target omits, and is only used for the top document. `order` contains components in the order of assembly.
+    simulation target omits, and is only used for the top document. `order` contains components in the order of assembly. A `lump` is a
+    nested assembly that becomes one rigid body in the start pose of its only mode.
     """
 
     document: str
@@ -708,6 +709,7 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
     catalog: dict[str, BomEntry] = {}
     omitted: dict[str, frozenset[str]] = {}
     order: tuple[Reference, ...] = ()
+    lump: bool = False
 
     def assemblies(self) -> Iterator[AssemblyDefinition]:
         """Yield this definition, then the definitions of all nested assemblies without duplicates."""

@@ -103,7 +103,7 @@ def _used_parts(
     slicings: dict[str, set[Slicing]] = {}
     for document in documents_in(workspace.root, workspace):
         environment = Environment(document, options, lambda *_: geometry)
-        sources = read(environment, kinds=("assembly", "materials", "variants", "calibration"), modelling=True)
+        sources = read(environment, kinds=("assembly", "materials", "variants", "calibration"), modelling=True, lumps=False)
         report_of_document = Report()
         if sources is not None and sources.documents.root.kind == "assembly":
             model = resolve(sources, Settings(), report_of_document)
