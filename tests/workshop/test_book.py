@@ -296,7 +296,9 @@ def test_without_graphics_the_page_has_no_pictures(tmp_path: Path) -> None:
     page = read(tmp_path)
     assert page.images == {} and page.steps["2.1"] == ["1 × Case (No. 3)"]
     losses = json.loads((tmp_path / "out/robot/manifest.json").read_text())["losses"]
-    assert [one["what"] for one in losses if one["target"] == "book"] == ["pictures (no EGL)"]
+    assert [one["what"] for one in losses if one["target"] == "book"] == [
+        "pictures (no EGL)", "PDF file (Chromium is not installed)",
+    ]
 
 
 LOOSE = """\

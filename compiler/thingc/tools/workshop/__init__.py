@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from thingc.tools.lazy_emitter import lazy_emitter
 
-WRITES = ("3mf/*.3mf", "book/*.html", "drawing/*.svg", "dxf/*.dxf")
+WRITES = ("3mf/*.3mf", "book/*.html", "book/*.pdf", "drawing/*.pdf", "drawing/*.svg", "dxf/*.dxf")
 UNASKED = False
 RENDERED = {"book"}
 """Targets that contain pictures. The command line prepares rendering for these targets before MuJoCo is imported."""

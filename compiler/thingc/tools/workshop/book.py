@@ -1,4 +1,4 @@
-"""Write `book/NAME.html`: how to assemble the robot, in one page with pictures. The bill of materials comes first."""
+"""Write `book/NAME.html` and `.pdf`: how to assemble the robot, in one page with pictures. The bill of materials comes first."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from thingc.targets.html.viewer_data import image_url
 from thingc.targets.render.picture import NoGraphics, ready
 from thingc.tools.workshop.assembly_steps import AssemblyStep, Piece, Section, sections
 from thingc.tools.workshop.book_pictures import Pictures
+from thingc.tools.workshop.pdf import with_pdf
 
 STYLE = resources.files(__package__).joinpath("book.css").read_text(encoding="utf-8")
 ZERO = "0, 0, 0"
@@ -36,7 +37,8 @@ def emit(request: EmitRequest) -> Artifacts:
     lines = [*book.head()]
     for section in sections(assembly, request.store, request.report):
         lines += book.section(section)
-    return Artifacts(files={f"book/{assembly.name}.html": "\n".join([*lines, "</body></html>", ""]).encode()}, losses=tuple(losses))
+    page = "\n".join([*lines, "</body></html>", ""]).encode()
+    return with_pdf(Artifacts(files={f"book/{assembly.name}.html": page}, losses=tuple(losses)), "book", page, assembly)
 
 
 class _Book:

@@ -1,10 +1,12 @@
 """Write `drawing/NAME_MATERIAL_x2.svg` for each manufactured part: a sheet (A3) with views, overall sizes, and tables of holes and mounts.
+The PDF file `drawing/NAME.pdf` contains all sheets.
 
 The views are in first-angle projection: the top view is below the front view, and the view from the left is to the right of it.
 """
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Collection, Iterator, Mapping
 from itertools import count, product
 from string import ascii_uppercase
@@ -12,15 +14,22 @@ from string import ascii_uppercase
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist
 from thingc.base.pose import Pose, Vector, add_scaled, axis_name, cross, dot
+from thingc.base.safe_text import html_text
 from thingc.geometry.features import HOLE, CentreLine, Cylinder, Features
 from thingc.geometry.service import GeometryService
 from thingc.targets import Artifacts, EmitRequest
 from thingc.tools.workshop.curves import VIEWS, Point, Views
 from thingc.tools.workshop.manufactured_parts import ManufacturedPart, compute_parts
+from thingc.tools.workshop.pdf import with_pdf
 from thingc.tools.workshop.svg_page import Box, Placement, SvgPage
 
 WIDTH, HEIGHT = 420.0, 297.0
 """The size of the sheet [mm]."""
+PRINT_STYLE = (
+    f"<style>@page {{ size: {WIDTH}mm {HEIGHT}mm; margin: 0 }} body {{ margin: 0 }} "
+    f"img {{ display: block; width: {WIDTH}mm; height: {HEIGHT}mm }}</style>"
+)
+"""The style of the page from which the PDF file is printed, with one sheet on each page."""
 FRAME, COLUMN, TITLE = 10.0, 118.0, 44.0
 """The width of the border, the width of the column with tables, and the height of the title block [mm]."""
 GAP, WIDEST_GAP = 24.0, 46.0
@@ -50,10 +59,13 @@ class Hole(FrozenStruct):
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Write a sheet for each part that is not bought. Parts without a B-rep are export losses."""
+    """Write a sheet for each part that is not bought, and a PDF file with all sheets. Parts without a B-rep are export losses."""
     parts, losses = compute_parts(request, "drawing", lambda breps: _compute_geometry(request.geometry, breps))
-    files = {f"drawing/{part.file_name()}.svg": sheet(part, geometry, request.assembly.name) for part, geometry in parts}
-    return Artifacts(files=dict(sorted(files.items())), losses=tuple(losses))
+    sheets = dict(sorted((f"drawing/{part.file_name()}.svg", sheet(part, geometry, request.assembly.name)) for part, geometry in parts))
+    artifacts = Artifacts(files={**sheets}, losses=tuple(losses))
+    images = [f'<img src="data:image/svg+xml;base64,{b64encode(svg).decode()}">' for svg in sheets.values()]
+    page = "\n".join([f"<!DOCTYPE html><title>{html_text(request.assembly.name)}: drawings</title>", PRINT_STYLE, *images])
+    return with_pdf(artifacts, "drawing", page.encode(), request.assembly) if images else artifacts
 
 
 def _compute_geometry(geometry: GeometryService, breps: Collection[str]) -> dict[str, PartGeometry]:
