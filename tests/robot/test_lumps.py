@@ -12,8 +12,10 @@ import pytest
 
 import thingc
 from loops.robots import Built, at_key, compiled, equality_residual, pose_of
+from thingc.base.diagnostics import Report
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
+from thingc.model.resolve.resolver import Settings
 
 LINK = "inertia: {ixx: 4.1e-5 kg*m^2, iyy: 5.3e-5 kg*m^2, izz: 2.7e-5 kg*m^2, ixy: 4e-6 kg*m^2}"
 CRANK = f"link: true, mass: 90.7 g, com: 2 1 30 mm, {LINK}, shapes: [{{box: 10 20 60 mm, at: {{xyz: 0 0 30 mm}}}}]"
@@ -193,7 +195,6 @@ components:
 @pytest.fixture
 def cart(tmp_path: Path) -> Path:
     """A workspace whose lock file was written without building a part. The volume in it is not that of the part."""
-    from thingc.base.diagnostics import Report
     from thingc.documents.workspace import Workspace
     from thingc.geometry.key.part_code import PartCode
     from thingc.geometry.lock.lock import hash_of
@@ -237,6 +238,15 @@ def test_parts_of_a_lump_come_from_the_lock_file(cart: Path, code: bool) -> None
     assert body.inertia[0][0] == pytest.approx(2 * (7850 * 3e-11 + one * 0.0125**2), rel=1e-12)
     assert body.inertia[2][2] == pytest.approx(2 * 7850 * 3e-11, rel=1e-12)
     assert compilation.assembly.occurrences[1].mounts["top"].pose.translation == pytest.approx((0.0, 0.0, 0.03), abs=1e-15)
+
+
+def test_lock_command_lists_parts_of_lumps(cart: Path) -> None:
+    with Environment(str(cart / "cart.yaml"), Options(code=False)) as environment:
+        sources = pipeline.read(environment)
+        assert sources is not None
+        model = pipeline.model(environment, sources, Settings(), Report())
+    assert model is not None and model.part_definitions() == ()
+    assert [part.text for part in model.part_definitions(lumps=True)] == ["blocks:Block"]
 
 
 def test_missing_and_outdated_lock_files_are_reported(cart: Path) -> None:

@@ -731,8 +731,11 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
                 requested.setdefault(component.definition.text, set()).update(pieces)
         return {text: tuple(sorted(several)) for text, several in requested.items()}
 
-    def part_definitions(self) -> tuple[PartDefinition, ...]:
-        """Return the part definitions without duplicates, in document order. A nested document is traversed at its first use."""
+    def part_definitions(self, *, lumps: bool = False) -> tuple[PartDefinition, ...]:
+        """Return the part definitions without duplicates, in document order. A nested document is traversed at its first use.
+
+        With `lumps`, the result includes the parts of lumps, which are not built.
+        """
         definitions: dict[PartDefinition, None] = {}
         seen: set[tuple[str, object, str | None]] = set()
 
@@ -743,7 +746,7 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
                     definitions.setdefault(definition)
                     if component.image_of is not None and definition.plain is not None:  # the part may equal its mirror image
                         definitions.setdefault(definition.plain)
-                elif isinstance(definition, AssemblyDefinition):
+                elif isinstance(definition, AssemblyDefinition) and (lumps or not definition.lump):
                     key = (definition.document, definition.parameters, definition.mirror)
                     if key not in seen:
                         seen.add(key)

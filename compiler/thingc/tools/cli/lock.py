@@ -109,7 +109,7 @@ def _used_parts(
             model = resolve(sources, Settings(), report_of_document)
             references.update(dict.fromkeys(sources.schemas))
             if model is not None:
-                used = {definition.text: definition for definition in model.part_definitions()}
+                used = {definition.text: definition for definition in model.part_definitions(lumps=True)}
                 definitions = {**used, **definitions}
                 for text, ways in slicings_of(model, geometry.realize(list(used.values()))).items():
                     slicings.setdefault(text, set()).update(ways)
