@@ -95,10 +95,10 @@ def test_lock_file_contains_features(place: Place) -> None:
 
 
 @pytest.mark.parametrize(("declared", "words"), [
-    ("Bolts('M3', 4)", "`count` and `start` need the diameter of a `circle`"),
+    ("Bolts('M3', 4)", "`count` and `start` require `circle`"),
     ("Bolts('', 1)", "- at `$[0].thread`"),
     ("Shank('M0', 3)", "- at `$[0].thread`"),
-    ("Bolts('M3', start=3)", "`start` need the diameter of a `circle`"),
+    ("Bolts('M3', start=3)", "`start` require `circle`"),
     ("Bolts('M3', 4, 2)", "holes of 3 mm overlap: their distance is 1.41421 mm"),
     ("Bolts('M2', at=((1, 1), (2, 1)))", "holes of 2 mm overlap: their distance is 1 mm"),
     ("Bolts('M10', hole=7.49)", "a hole of 7.49 mm is too small for the thread M10"),

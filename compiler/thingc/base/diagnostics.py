@@ -386,7 +386,7 @@ def allow_hint(code: Code) -> str:
 
 @dataclass(slots=True)
 class Report:
-    """Collects the diagnostics of all passes. A report is the only mutable object that passes share.
+    """Collects the diagnostics of all passes. All passes add to one report, which is the only mutable object that they share.
 
     The report suppresses each warning that one of its `allowances` covers. `needed` contains the allowances that suppressed a warning, and
     `allowed` is the number of suppressed warnings.

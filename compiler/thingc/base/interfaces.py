@@ -40,7 +40,7 @@ HOLES = (0.75, 1.7)
 
 
 class MountPair(FrozenStruct):
-    """How two mounts meet: `pose` is the frame of the second mount in the frame of the first mount, at the zeros of the joint.
+    """Two mounts that meet. `pose` is the pose of the second mount in the frame of the first mount, with the joint at 0.
 
     `turns` and `slides` are True if a joint rotates or translates the mounts relative to each other.
     """
@@ -96,8 +96,10 @@ class Bolts(MountFeature, kw_only=False):
     def __post_init__(self) -> None:
         if max(self.count, len(self.at)) > MOST_BOLTS:
             raise ValueError(f"a pattern must have at most {MOST_BOLTS} holes, found {max(self.count, len(self.at))}")
-        if self.circle is None and (self.start or self.count > 1) or self.at and self.circle is not None:
-            raise ValueError("`count` and `start` need the diameter of a `circle`, and `circle` cannot be combined with `at`")
+        if self.circle is None and (self.start or self.count > 1):
+            raise ValueError("`count` and `start` require `circle`, the diameter of the bolt circle")
+        if self.at and self.circle is not None:
+            raise ValueError("a bolt pattern cannot have both `circle` and `at`")
 
     def __str__(self) -> str:
         return f"{len(self.at) or self.count} x {self.thread}" + ("" if self.circle is None else f" on {mm(self.circle)}")

@@ -134,7 +134,7 @@ def inputs(environment: Environment, compilation: Compilation) -> dict[str, str 
 
 
 def dependencies_of(environment: Environment, compilation: Compilation) -> set[str]:
-    """Return the absolute paths of all files and folders on which a compilation depends. The compilation may have errors.
+    """Return the absolute paths of all files and folders on which a compilation depends, even if the compilation has errors.
 
     Missing files are included. Files of packages are included only if the packages are tracked by content.
     """

@@ -48,7 +48,7 @@ def enter(
     state: State[Any], new: Mode, on_motion: Literal["drop", "impact"] = "drop", *, inertias: Inertias | None = None,
     tolerance: float = 1e-6,
 ) -> tuple[State[Any], Any, Any]:
-    """Complete a switch to the mode `new` from a state that `change_root` has converted. Arguments and results are those of `switch`."""
+    """Enter the mode `new` with a state that `change_root` has already converted to it. The arguments and results are those of `switch`."""
     if on_motion not in ("drop", "impact"):
         raise ModesError(f"expected on_motion \"drop\" or \"impact\", found `{on_motion}`")
     moved, placed = put_base(state, new, None, jnp)

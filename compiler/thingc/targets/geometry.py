@@ -105,9 +105,7 @@ def material_name(material: Material | None, color: str | None) -> str | None:
 
 
 def materials(shapes: Iterable[Shapes]) -> dict[str, tuple[str, Origin]]:
-    """Return the colour and the origin of each visual material. The keys are the names of the materials, in the order in which they are
-    first used.
-    """
+    """Return the colour and the source location of each visual material, keyed by name, in the order of first use."""
     named: dict[str, tuple[str, Origin]] = {}
     for owner in shapes:
         for shape in owner.visual:

@@ -78,9 +78,9 @@ def actuator_of(instance: Instance, owner: str, drive: Drive, limit: Limit, find
         )
     effort = first(limit.effort, drive.effort)
     if drive.stall is not None and effort is not None and effort > drive.stall:
-        found = f"{Quantity(effort, of['effort'])}, because its `stall` is {Quantity(drive.stall, of['effort'])}"
+        found = f"an effort of {Quantity(effort, of['effort'])}, but a `stall` of only {Quantity(drive.stall, of['effort'])}"
         place, help = (drive.spans["stall"], *instance.origin), "lower `effort`, or increase `stall`"
-        findings.warn(Code.EFFORT, f"at rest, the drive of {owner} does not provide its effort of {found}", place, help=help, allow=False)
+        findings.warn(Code.EFFORT, f"the drive of {owner} has {found}", place, help=help, allow=False)
     key, reach = ("effort", effort) if drive.kind == "motor" else ("velocity", first(limit.velocity, speed))
     if drive.kind == "position":
         key, reach = "rest", None if limit.lower is None or limit.upper is None else limit.upper - limit.lower

@@ -194,7 +194,7 @@ def _mesh_shapes(model: AssemblyDefinition) -> Iterator[tuple[Component, LinkSha
 
 
 def with_pieces(model: AssemblyDefinition, meshes: Meshes, decompose: Decompose, report: Report) -> Meshes:
-    """Return the records of mesh files with the convex pieces that the shapes of the model require.
+    """Add the convex pieces that shapes of the model require to the records of mesh files, and return the new records.
 
     If a mesh cannot be decomposed, report an error at its shape.
     """

@@ -21,7 +21,7 @@ TINY = 1e-15
 
 
 class TendonSpan(OneLineRepr, FrozenStruct):
-    """A straight segment of a tendon between two points, each on the part of a mount.
+    """A straight segment of a tendon between two points. Each point is fixed to the part of a mount.
 
     The length of the segment, divided by `divisor`, is a part of the length of the tendon.
     """

@@ -327,9 +327,9 @@ def _mount_of(node: ComponentScope, scope: Scope, remaining: tuple[str, ...], pa
     if _unbuilt(node.table.unbuilt, name) or node.table.doubts.lacks("mounts"):
         return False
     names = [*node.table.exports, ORIGIN, *node.mounts]
-    help = suggest(name, names, what="mounts that it exports")
+    help = suggest(name, names, what="exported mounts")
     if nearest(name, names) is None:
-        help = f"{help}, or export the mount under `mounts:` of the nested document"
+        help = f"{help}; to export another mount, list it under `mounts:` of the nested document"
     scope.error(
         Code.UNKNOWN_MOUNT, f"{description} exports no mount `{name}`", path, help=help, key=key,
         notes=[*definition_note(node.table), *_repeat_notes(scope, path, key)],

@@ -246,8 +246,9 @@ class Scope(FrozenStruct):
 
     def format_value(self, value: ExpressionValue, path: Path) -> str:
         """Format a value for messages: the source text in backticks and, for an expression, its result."""
-        text = (self.source_text(path) or format_value(value)).strip()
-        return f"`{shorten(text)}`, which is {format_value(value)}" if text.startswith("=") else f"`{shorten(text)}`"
+        result = format_value(value)
+        text = (self.source_text(path) or result).strip()
+        return f"`{shorten(text)}`, which is {result}" if text.startswith("=") and text[1:].strip() != result else f"`{shorten(text)}`"
 
     def wrong_dimension(
         self, value: ExpressionValue, expected: tuple[Dimension, ...], subject: str, path: Path, notes: Iterable[Note] = (),

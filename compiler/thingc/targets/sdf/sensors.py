@@ -81,7 +81,7 @@ def _ray(element: Element, reach: float) -> None:
 
 
 def sensors_of_joint(robot: Robot, body: int, at: Vector, joint: Element, names: MangledNames) -> None:
-    """Add the force sensors of a link to the joint of the link. The origin of the joint is `at` [m] in the frame of the link.
+    """Add the force sensors of a link to its joint. `at` [m] is the position of the joint in the frame of the link.
 
     As in MuJoCo, the sensor measures the force that the link exerts on its parent.
     """

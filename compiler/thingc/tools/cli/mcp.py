@@ -19,7 +19,7 @@ from thingc.tools.cli import console
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc mcp` to the parser."""
     parser.add_argument("-C", "--workspace", metavar="DIR", default=".", help="the workspace of the robots (default: the working folder)")
-    parser.add_argument("--trusted", action="store_true", help="allow the tools to run code of the workspace")
+    parser.add_argument("--trusted", action="store_true", help="allow the server to run Python code of the workspace")
     console.add_geometry(parser)
 
 

@@ -30,7 +30,7 @@ def configure(parser: argparse.ArgumentParser, *, meshes: bool = True) -> None:
     add = parser.add_argument
     add(
         "--package", metavar="NAME=DIR", action="append", default=[],
-        help="folder of the package NAME in URIs `package://NAME/...` (may be repeated; default: search the folders above the file, "
+        help="folder of the package NAME in URIs `package://NAME/...` (may be repeated; default: search the parent folders of the file, "
         "ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
     )
     add("--arg", metavar="NAME=VALUE", action="append", default=[], help="set the argument `$(arg NAME)` of a xacro file (may be repeated)")
@@ -44,7 +44,7 @@ def configure(parser: argparse.ArgumentParser, *, meshes: bool = True) -> None:
         return
     add(
         "--mesh-root", metavar="DIR", action="append", default=[],
-        help="folder in which to search for missing meshes, by the end of their paths (may be repeated)",
+        help="folder to search for missing meshes; the end of a path must match (may be repeated)",
     )
     add("--no-meshes", action="store_true", help="omit meshes, and list them as losses")
 

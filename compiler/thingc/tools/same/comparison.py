@@ -52,7 +52,7 @@ class MechanismDifference(FrozenStruct):
 
 
 class LinkMatch(FrozenStruct):
-    """A link of A and the same link of B, and their differences: of mass (fraction), centre of mass [m] and inertia (fraction)."""
+    """A matched pair of links, and the differences of their masses (relative), centres of mass [m] and inertias (relative)."""
 
     one: str
     other: str
