@@ -135,9 +135,9 @@ def _coordinates(
     if item.spec.reverse and kind.axial:
         twists = tuple(twist.inverse() for twist in twists)
     elif item.spec.reverse:
-        _refuse(item, "reverse", f"is {kind.name} and cannot have `reverse`", "remove `reverse`", typed=False)
+        _refuse(item, "reverse", f"is {kind.words} and cannot have `reverse`", "remove `reverse`", typed=False)
     if item.spec.keep and (kind.moves or item.spec.loop):
-        reason = f"is {kind.name}" if kind.moves else "closes a loop"
+        reason = f"is {kind.words}" if kind.moves else "closes a loop"
         _refuse(
             item, "keep", f"{reason} and cannot have `keep`: the joint always connects two separate links", "remove `keep`", typed=False,
         )
@@ -152,10 +152,10 @@ def _coordinates(
         if setting is None or key not in item.spec.model_fields_set or (is_list == (count > 1) and all(n < count for n in indices)):
             continue
         if count > 1:
-            text = f"is {kind.name} and has {count} coordinates: `{key}` must be a list of {count} items"
+            text = f"is {kind.words} and has {count} coordinates: `{key}` must be a list of {count} items"
             help = "write, for example, `[" + ", ".join("..." for _ in range(count)) + "]`, or `{0: ...}` to set only some coordinates"
         else:
-            text, help = f"is {kind.name}: `{key}` must not be a list", "write the value without a list"
+            text, help = f"is {kind.words}: `{key}` must not be a list", "write the value without a list"
         _refuse(item, key, text, help, code=Code.COORDINATES)
     numbered_twists: Sequence[tuple[int | None, Twist | None]] = [*enumerate(twists)] if count > 1 else [(None, next(iter(twists), None))]
     resolved = (_resolve_joint(table, item, kind, twist, (parent, child), layers, number) for number, twist in numbered_twists)
@@ -301,7 +301,7 @@ def _no_axis(scope: Scope, name: str, kind: JointKind, setting: LayeredValue) ->
     """Report an error for a drive with an axis if its joint is not a ball joint."""
     if setting.own and isinstance(setting.value, DriveSpec) and setting.value.axis is not None:
         scope.error(
-            Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: its drive cannot have an `axis`", (*setting.path, "axis"), key=True,
+            Code.JOINT_FIELD, f"joint `{name}` is {kind.words}: its drive cannot have an `axis`", (*setting.path, "axis"), key=True,
             help="remove `axis`: the drive acts along the coordinate of the joint",
         )
 
@@ -315,7 +315,7 @@ def _axis(item: Unrolled[JointSpec], kind: JointKind) -> Vector | None:
         return None
     if not kind.axial:
         help = "remove `axis`: the joint uses the axes of the parent mount" if kind.moves else "remove `axis`: the joint does not move"
-        _refuse(item, "axis", f"is {kind.name} and cannot have an `axis`", help)
+        _refuse(item, "axis", f"is {kind.words} and cannot have an `axis`", help)
         return None
     axis = item.scope.direction(item.spec.axis, (*item.path, "axis"), f"the axis of joint `{item.name}`", Code.OUT_OF_RANGE)
     return next((unit for unit in IDENTITY if unit == axis), axis)  # `Twist` detects exact vectors
@@ -335,7 +335,7 @@ def _lead(item: Unrolled[JointSpec], kind: JointKind) -> float | None:
             )
         return None
     if not kind.leads:
-        _refuse(item, "lead", f"is {kind.name} and cannot have a `lead`", "remove `lead`, or use `type: screw`")
+        _refuse(item, "lead", f"is {kind.words} and cannot have a `lead`", "remove `lead`, or use `type: screw`")
         return None
     lead = scope.number(item.spec.lead, (*path, "lead"), LENGTH, f"`lead` of joint `{name}`")
     if lead == 0.0:
@@ -353,11 +353,11 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
     cone = layers.pick("cone")
     if cone.own:
         help = "use `lower` and `upper`: only a ball joint has a cone"
-        _refuse(item, cone.path, f"is {kind.name} and cannot have a `limit.cone`", help, code=Code.LIMIT, typed=False)
+        _refuse(item, cone.path, f"is {kind.words} and cannot have a `limit.cone`", help, code=Code.LIMIT, typed=False)
     if not kind.may_stop:
         unsupported = {f"`limit.{key}`": setting for key, setting in ends.items() if setting.own}
         for first in [*unsupported.values()][:1]:
-            text = f"is {kind.name} and cannot have {' or '.join(unsupported)}"
+            text = f"is {kind.words} and cannot have {' or '.join(unsupported)}"
             _refuse(item, first.path, text, "use `type: revolute` for a joint with limits", code=Code.LIMIT)
     else:
         low, high = (
@@ -371,7 +371,7 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
             if coordinate == ANGLE:
                 help = "write, for example, `limit: {lower: -90 deg, upper: 90 deg}`; use `type: continuous` for a joint without limits"
             place = (*path, "limit") if item.spec.limit is not None else path
-            scope.error(Code.LIMIT, f"joint `{name}` is {kind.name} and needs {' and '.join(missing)}", place, key=True, help=help)
+            scope.error(Code.LIMIT, f"joint `{name}` is {kind.words} and needs {' and '.join(missing)}", place, key=True, help=help)
         if low is not None and high is not None and not low < high:
             fault = "are reversed" if low > high else "are equal"
             lower, upper = ends.values()

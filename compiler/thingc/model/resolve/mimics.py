@@ -42,7 +42,7 @@ def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: 
         return None
     if coordinate is None:
         scope.error(
-            Code.MIMIC, f"joint `{item.name}` is {joint.kind.name} and does not move: it cannot mimic", path, key=True,
+            Code.MIMIC, f"joint `{item.name}` is {joint.kind.words} and does not move: it cannot mimic", path, key=True,
             help="remove `mimic`", notes=scope.second_note("the type of the joint is set here", (*item.path, "type"), path),
         )
         return None
@@ -127,7 +127,7 @@ def _resolve_leader(table: DocumentScope, item: Unrolled[JointSpec], spec: Mimic
         return None
     if other.twist is not None and not other.kind.at_once:
         return other
-    why, shown = f", which is {other.kind.name} and does not move", str(name)
+    why, shown = f", which is {other.kind.words} and does not move", str(name)
     if other.kind.at_once:
         why, shown = f": `{name.joint}` is {other.kind.words}, whose rotation is not a single number", name.joint
     scope.error(Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`{why}", place, notes=other.definition_note(shown))

@@ -159,7 +159,7 @@ def _set(scope: Scope, joints: Joints, names: list[CoordinateName], raw: Any, pa
             help = f"write, for example, `{name.joint}: {_EXAMPLE[joint.kind.free]}`"
             notes = joint.definition_note(name.joint)
         elif coordinate is None:
-            message, help = f"joint `{name}` is {joint.kind.name} and has no coordinate to set", "remove the joint from the pose"
+            message, help = f"joint `{name}` is {joint.kind.words} and has no coordinate to set", "remove the joint from the pose"
         elif joint.mimic is not None:
             message = f"a pose cannot set joint `{name}`, because this joint mimics `{joint.mimic.joint}`"
             help = f"set `{name.rpartition('.')[0] + '.' if '.' in name else ''}{joint.mimic.joint}`"

@@ -189,7 +189,7 @@ class _Reader:
                 help = f"{help}; set `joint: ...`"
         elif (joint := joints[name]) is not None and joint.twist is None:
             code, help = Code.JOINT_FIELD, "use a joint that moves, or a `force` sensor at one of its mounts"
-            message = f"joint `{name}` is {joint.kind.name} and does not move: there is nothing to measure"
+            message = f"joint `{name}` is {joint.kind.words} and does not move: there is nothing to measure"
         else:
             return joint
         scope.error(code, message, place, key=unnamed, help=help)

@@ -113,8 +113,8 @@ def moving_joint(table: DocumentScope, scope: Scope, text: str, place: Path, can
     if joint.twist is None or joint.kind.at_once:
         why = "does not move" if joint.twist is None else "has no single coordinate"
         scope.error(
-            Code.JOINT_FIELD, f"{cannot} `{text}`, which is {joint.kind.name} and {why}", place, key=key, notes=joint.definition_note(text),
-            help="use a joint that rotates about one axis, or slides along one axis",
+            Code.JOINT_FIELD, f"{cannot} `{text}`, which is {joint.kind.words} and {why}", place, key=key,
+            notes=joint.definition_note(text), help="use a joint that rotates about one axis, or slides along one axis",
         )
         return None
     return joint

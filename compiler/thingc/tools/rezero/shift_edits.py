@@ -56,7 +56,7 @@ def find_joint(document: Document, model: AssemblyDefinition, shift: JointShift)
             raise ShiftRefused(f"there is no joint `{name}`", help)
         raise ShiftRefused(f"`{name}` is repeated, or has several coordinates", "edit its values by hand", span=span)
     if joint.twist is None:
-        raise ShiftRefused(f"joint `{name}` is {joint.kind.name} and does not move", "choose a joint that moves", span=span)
+        raise ShiftRefused(f"joint `{name}` is {joint.kind.words} and does not move", "choose a joint that moves", span=span)
     expected = joint.twist.coordinate
     if shift.zero.value and shift.zero.dimension != expected:
         help = f"write, for example, `{name}={expected.example}`"
