@@ -32,7 +32,8 @@ try:
     import jax.numpy as jnp
     from jax.custom_batching import custom_vmap
     from mujoco import mjx
-    from mujoco.mjx._src.forward import _integrate_pos
+    from mujoco.mjx._src.forward import _integrate_pos, euler, implicit, rungekutta4
+    from mujoco.mjx._src.types import IntegratorType
 except ImportError as fault:  # pragma: no cover - reported with a help text
     raise ImportError("environments in JAX need MJX: `pip install thingc[jax]`") from fault
 
@@ -47,6 +48,9 @@ MOVING = ("body_pos", "body_quat", "jnt_pos", "jnt_axis", "site_pos", "site_quat
 """Names of model fields that move links, joints and mounts. Mode switches treat these fields as constants."""
 ENTERED = ("time", "qpos", "qvel", "mocap_pos", "mocap_quat", "qacc_warmstart")
 """Names of the fields of MJX data that a mode switch changes."""
+
+INTEGRATORS = {IntegratorType.EULER: euler, IntegratorType.RK4: rungekutta4, IntegratorType.IMPLICITFAST: implicit}
+"""The functions with which `mjx.step` integrates."""
 
 
 class MjxState(NamedTuple):
@@ -238,12 +242,25 @@ class MjxEnv:
         world = self._worlds[number]
         low, high = world.spans
         model, data = world.family.put(model, data.replace(ctrl=low + (action[self._controls[number]] + 1.0) / 2.0 * (high - low)))
-        data = jax.lax.scan(lambda own, _: (mjx.step(model, own), None), data, length=self._frame_skip)[0]
-        data = mjx.forward(model, data)
+        data = self._simulate(model, data)
         info = self._step_info(number, model, data, action, centre)
         unstable = ~jnp.isfinite(data.qpos).all()
         ended = unstable if self._terminated is None else unstable | self._terminated(info)
         return data, (jnp.asarray(self._observation(info)), jnp.where(unstable, 0.0, self._reward(info)), ended)
+
+    def _simulate(self, model: mjx.Model, data: mjx.Data) -> mjx.Data:
+        """Return MJX data after `frame_skip` simulation steps, with the results of `mjx.forward` for the final state.
+
+        A step consists of `mjx.forward` and an integration. The final `mjx.forward` is an iteration without integration, so that JAX
+        compiles `mjx.forward` only once.
+        """
+        integrate = INTEGRATORS[model.opt.integrator]
+
+        def iterate(own: mjx.Data, is_last: jax.Array) -> tuple[mjx.Data, None]:
+            own = mjx.forward(model, own)
+            return jax.lax.cond(is_last, lambda: own, lambda: integrate(model, own)), None
+
+        return jax.lax.scan(iterate, data, jnp.arange(self._frame_skip + 1) == self._frame_skip)[0]
 
     def _step_info(self, number: int, model: mjx.Model, data: mjx.Data, action: jax.Array, centre: jax.Array) -> MjxStep:
         world, seconds = self._worlds[number], model.opt.timestep * self._frame_skip
