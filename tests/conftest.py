@@ -101,9 +101,10 @@ def begun(request: pytest.FixtureRequest, shared_store: str) -> Path:
 
 
 def pytest_sessionfinish() -> None:
-    """Stop the shared workers."""
+    """Stop the shared workers. Afterwards, pytest collects garbage twice, which would visit the objects of all tests each time."""
     for workers in _KEPT.values():
         Workers.close(workers)
+    gc.freeze()
 
 
 DEFECTS: list[str] = []

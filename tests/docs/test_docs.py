@@ -393,7 +393,7 @@ def test_json_samples_match_the_output(page: Path, here: Path) -> None:
         "diagnostics": {"diagnostics": [entry for entry in wrong["diagnostics"] if entry["notes"]][:1]},
         "build": {**build, "modelled": []},
         "info": json.loads(run("thingc info assemblies/arm.yaml --format json")),
-        "collision": json.loads(run("thingc collision assemblies/arm.yaml --format json")),
+        "collision": json.loads(run("thingc collision assemblies/end_effector.yaml --format json")),
         "sensitivity": json.loads(run("thingc sensitivity assemblies/arm.yaml --by reach --of mass --format json")),
         "test": json.loads(run("thingc test assemblies/arm.yaml --only weight --format json")),
         "parts": json.loads(run("thingc parts arm:RotorBrace --format json")),
