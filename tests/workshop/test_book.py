@@ -194,14 +194,14 @@ class Page(HTMLParser):
             self.cells.append(data)
 
 
-def command(folder: Path) -> list[str]:
+def command(folder: Path, store: str) -> list[str]:
     """Write the robot, and return the command that builds it without the targets."""
     (folder / "parts").mkdir(exist_ok=True)
     (folder / "parts/pieces.py").write_text(PARTS)
     (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (folder / "box.yaml").write_text(BOX)
     (folder / "robot.yaml").write_text(ROBOT)
-    return ["build", str(folder / "robot.yaml"), "--store", str(folder / "store"), "-o", str(folder / "out"), "--force", "--emit"]
+    return ["build", str(folder / "robot.yaml"), "--store", store, "-o", str(folder / "out"), "--force", "--emit"]
 
 
 def read(folder: Path) -> Page:
@@ -209,11 +209,13 @@ def read(folder: Path) -> Page:
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
+def page(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Page:
     """The page of a build that also writes MuJoCo models. It runs in a new process, because MuJoCo selects its renderer when it is
-    imported."""
+    imported. The parts are built by the CAD kernel of this process."""
     folder = tmp_path_factory.mktemp("book")
-    subprocess.run([sys.executable, "-m", "thingc", *command(folder), "mjcf,book"], check=True)
+    build = command(folder, shared_store)
+    assert main(["check", str(folder / "robot.yaml"), "--store", shared_store]) == 0
+    subprocess.run([sys.executable, "-m", "thingc", *build, "mjcf,book"], check=True)
     return read(folder)
 
 
@@ -271,8 +273,8 @@ def _no_graphics(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("_no_graphics")
-def test_offsets_are_relative_to_mounts_and_equal_names_have_parameters(tmp_path: Path) -> None:
-    build = command(tmp_path)
+def test_offsets_are_relative_to_mounts_and_equal_names_have_parameters(tmp_path: Path, shared_store: str) -> None:
+    build = command(tmp_path, shared_store)
     (tmp_path / "robot.yaml").write_text(SCENE)
     (tmp_path / "pair.yaml").write_text(PAIR)
     assert main([*build, "book"]) == 0
@@ -291,8 +293,8 @@ def test_offsets_are_relative_to_mounts_and_equal_names_have_parameters(tmp_path
 
 
 @pytest.mark.usefixtures("_no_graphics")
-def test_without_graphics_the_page_has_no_pictures(tmp_path: Path) -> None:
-    assert main([*command(tmp_path), "book"]) == 0
+def test_without_graphics_the_page_has_no_pictures(tmp_path: Path, shared_store: str) -> None:
+    assert main([*command(tmp_path, shared_store), "book"]) == 0
     page = read(tmp_path)
     assert page.images == {} and page.steps["2.1"] == ["1 × Case (No. 3)"]
     losses = json.loads((tmp_path / "out/robot/manifest.json").read_text())["losses"]
@@ -316,7 +318,7 @@ components:
 
 def ordered(folder: Path, store: str, text: str) -> tuple[list[list[str]], list[Diagnostic]]:
     """Return the names of the pieces of each step of the last section, and the errors."""
-    command(folder)
+    command(folder, store)
     (folder / "robot.yaml").write_text(text)
     with Environment(str(folder / "robot.yaml"), Options(store=store)) as environment:
         compilation = pipeline.compile(environment)
