@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 
 import mujoco
@@ -248,6 +249,120 @@ modes: {free: {root: one, base: free}}
     names = [model.geom(k).name for k in range(model.ngeom)]
     assert sum(name.startswith("one:collision") for name in names) == 1
     assert sum(name.startswith("two:collision") for name in names) >= 2
+
+
+MODES = """\
+thingc: assembly/1
+name: robot
+components:
+  base: {frame: true}
+  bracket:
+    part: parts:Bracket
+    at: {in: base.origin, xyz: 0 0 100 mm}
+    collision:
+      kind: hull
+      targets: {mjcf: box}
+      modes:
+        ball: {shapes: [{sphere: {radius: 60 mm}, at: {xyz: 20 0 20 mm}}]}
+        pieces: {decompose: {pieces: 2}}
+        ghost: none
+modes:
+  plain: {root: base, base: free, at: {on: floor}}
+  ball: {root: base, base: free, at: {on: floor}}
+  pieces: {root: base, base: free}
+  ghost: {root: base, base: free}
+"""
+
+
+def test_modes_have_their_own_shapes_in_every_format(tmp_path: Path, shared_store: str) -> None:
+    """The shapes of a mode replace those of the format. The height at which the robot stands follows from the lowest shape of the mode."""
+    workspace(tmp_path)
+    compilation, made = built(tmp_path, MODES, shared_store, ("mjcf", "urdf", "sdf", "usd", "ros"))
+    geoms, heights = {}, {}
+    for mode in ("plain", "ball", "pieces", "ghost"):
+        model = model_of(made["mjcf"], f"robot_{mode}")
+        geoms[mode] = [(int(model.geom_type[k]), *model.geom_size[k].round(9)) for k in range(model.ngeom) if model.geom_contype[k]]
+        heights[mode] = float(model.qpos0[2])
+    sphere, box, mesh = (int(kind) for kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_MESH))
+    assert [one[0] for one in geoms["plain"]] == [box] and geoms["ball"] == [(sphere, 0.06, 0.0, 0.0)] and geoms["ghost"] == []
+    assert [one[0] for one in geoms["pieces"]] == [mesh] * 2
+    assert heights == pytest.approx({"plain": -0.1, "ball": -0.06, "pieces": 0.0, "ghost": 0.0}, abs=1e-6)
+    files = {"urdf": "urdf/robot_{}.urdf", "ros": "ros/robot_description/urdf/robot_{}.urdf", "sdf": "sdf/robot_{}/model.sdf"}
+    for path, kinds in files.items():
+        texts = {mode: bytes(made[path].files[kinds.format(mode)]).decode() for mode in geoms}  # type: ignore[arg-type]
+        shapes = {mode: re.findall(r"<collision.*?<geometry>\s*<(\w+)", text, re.DOTALL) for mode, text in texts.items()}
+        assert shapes == {"plain": ["mesh"], "ball": ["sphere"], "pieces": ["mesh"] * 2, "ghost": []}
+    stages = {mode: bytes(made["usd"].files[f"usd/robot_{mode}.usda"]) for mode in geoms}  # type: ignore[arg-type]
+    assert {mode: stage.count(b"PhysicsCollisionAPI") for mode, stage in stages.items()} == {"plain": 1, "ball": 1, "pieces": 2, "ghost": 0}
+    assert {robot.mode.name: len(robot.assembly.occurrences[1].touching) for robot in compilation.robots} == {
+        "plain": 1, "ball": 1, "pieces": 2, "ghost": 0,
+    }
+
+
+@pytest.mark.parametrize(("mode", "kinds"), [("", ["mesh", "mesh"]), (", mode: ball", ["sphere", "sphere"])])
+def test_nested_documents_have_the_shapes_of_their_own_mode(tmp_path: Path, shared_store: str, mode: str, kinds: list[str]) -> None:
+    """The modes of the outer document do not select shapes in the nested document, even if they have the same names."""
+    workspace(tmp_path)
+    (tmp_path / "inner.yaml").write_text(MODES.replace("{on: floor}", "{xyz: 0 0 1 m}").replace("name: robot", "name: inner"))
+    outer = f"""\
+thingc: assembly/1
+name: robot
+components:
+  base: {{frame: true}}
+  inner: {{assembly: inner.yaml, at: {{in: base.origin}}{mode}}}
+modes: {{plain: {{root: base}}, ball: {{root: base, gravity: wall}}}}
+"""
+    _, made = built(tmp_path, outer, shared_store, ("urdf",))
+    texts = [bytes(made["urdf"].files[f"urdf/robot_{name}.urdf"]).decode() for name in ("plain", "ball")]  # type: ignore[arg-type]
+    assert [kind for text in texts for kind in re.findall(r"<collision.*?<geometry>\s*<(\w+)", text, re.DOTALL)] == kinds
+
+
+def test_unknown_mode_is_reported_at_its_shapes(tmp_path: Path, shared_store: str) -> None:
+    workspace(tmp_path)
+    (tmp_path / "robot.yaml").write_text(MODES.replace("pieces: {decompose", "peices: {decompose"))
+    with Environment(str(tmp_path / "robot.yaml"), Options(store=shared_store)) as environment:
+        (found,) = pipeline.compile(environment).report.diagnostics
+    assert (found.code.code, found.message, found.help) == ("TC308", "there is no mode `peices`", "did you mean `pieces`?")
+    assert found.span is not None and MODES.splitlines()[found.span.line - 1].strip().startswith("pieces:")
+
+
+COARSE = """\
+from build123d import Box, Pos
+from thingc import Thing
+
+class Bracket(Thing):
+    "An L of two plates, with a simpler shape for contacts."
+    def result(self):
+        return Pos(20, 0, 2) * Box(40, 20, 4) + Pos(2, 0, 20) * Box(4, 20, 40)
+    def mass(self):
+        return 0.006
+    def collision(self):
+        return RETURNED
+"""
+
+
+@pytest.mark.parametrize(("returned", "found"), [
+    ("[Pos(20, 0, 2) * Box(40, 20, 4), Pos(2, 0, 20) * Box(4, 20, 40)]", []),
+    ("self.result()", [("TC406", "solid 1 of the 1 of collision() is not convex: 68.1% of its convex hull")]),
+    ("1 / 0", [("TC401", "ZeroDivisionError")]),
+])
+def test_solids_of_the_method_collision_are_convex(
+    tmp_path: Path, shared_store: str, returned: str, found: list[tuple[str, str]],
+) -> None:
+    """The hull of the L is a prism over a polygon of five corners, whose area is 40 x 40 - 36 x 36 / 2 = 952 mm^2; the L has 304 mm^2."""
+    workspace(tmp_path)
+    (tmp_path / "parts.py").write_text(COARSE.replace("RETURNED", returned))
+    (tmp_path / "robot.yaml").write_text("thingc: assembly/1\nname: robot\ncomponents:\n  one: {part: parts:Bracket, collision: part}\n")
+    with Environment(str(tmp_path / "robot.yaml"), Options(store=shared_store)) as environment:
+        compilation = pipeline.compile(environment)
+    diagnostics = compilation.report.diagnostics
+    assert [one.code.code for one in diagnostics] == [code for code, _ in found]
+    for one, (_, text) in zip(diagnostics, found, strict=True):
+        assert text in one.message and one.span is not None and one.span.line == 4
+    if not diagnostics:
+        assert compilation.assembly is not None
+        sizes = [piece.solid.size for piece in compilation.assembly.occurrences[0].touching]  # type: ignore[union-attr]
+        assert sizes == [pytest.approx((0.02, 0.01, 0.002)), pytest.approx((0.002, 0.01, 0.02))]
 
 
 PAIRS = """\

@@ -201,7 +201,7 @@ def test_choices_in_tables_match_the_models() -> None:
 
     elsewhere = {("JointSpec", "type"), ("ComponentDefaults", "collision"), ("ModeSpec", "hold"), ("ModeSpec", "base")}
     elsewhere |= {("TargetChoicesSpec", key) for key in ("mjcf", "urdf", "sdf", "usd")}
-    elsewhere |= {("SensorSpec", key) for key in ("type", "noise", "cutoff")}
+    elsewhere |= {("SensorSpec", key) for key in ("type", "noise", "cutoff")} | {("CollisionSpec", "modes")}
     for module in (assembly, drives, interfaces, link_shapes, materials, sensors, mass, variants):
         for marker in re.findall(r"<!-- (keys: [\w ]+) -->", _language()):
             for name in marker.removeprefix("keys: ").split():

@@ -344,8 +344,10 @@ class _LossFinder:
             yield from self.of_sensor(sensor)
         for pose in assembly.poses:
             yield from self(self.capabilities["modes"]["poses"], None, pose.name, "this pose", pose.origin)
+        in_modes = (assembly.in_mode(mode.name) for mode in assembly.modes)
+        occurrences = {id(one): one for variant in (assembly, *in_modes) for one in variant.occurrences}.values()
         materials = [item.material for item in assembly.occurrences]
-        with_shapes = (item for item in assembly.occurrences if item.listed or item.contacts)
+        with_shapes = (item for item in occurrences if item.listed or item.contacts)
         materials += [surface.material for item in with_shapes for surface in item.touching]
         for material in {id(item): item for item in materials if item is not None}.values():
             if (material.slide, material.torsion) != (None, None):
@@ -356,7 +358,7 @@ class _LossFinder:
             if used:
                 origin = assembly.definition.step_origin or assembly.definition.origin
                 yield from self(cell, None, assembly.name, what, origin)
-        for occurrence in assembly.occurrences:
+        for occurrence in occurrences:
             for piece in occurrence.drawn:
                 if isinstance(piece.solid, Primitive):
                     cell, what = self.capabilities["shapes"][piece.solid.shape], f"the visual {piece.solid.shape}"

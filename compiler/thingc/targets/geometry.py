@@ -82,11 +82,16 @@ class Shapes(FrozenStruct):
 
 class Geometry(FrozenStruct):
     """The visual and collision geometry of an assembly. `shapes[i]` contains the shapes of occurrence i. Mesh assets are in the order in
-    which they are first used.
+    which they are first used. `modes` contains the shapes of modes with other collision shapes.
     """
 
     shapes: tuple[Shapes, ...]
     meshes: tuple[MeshAsset, ...]
+    modes: dict[str, tuple[Shapes, ...]] = {}
+
+    def in_mode(self, mode: str) -> Geometry:
+        """Return the geometry with the shapes of a mode."""
+        return replace(self, shapes=self.modes[mode]) if mode in self.modes else self
 
     @property
     def assets(self) -> dict[str, StoredArtifact]:
@@ -165,7 +170,9 @@ def collect_geometry(
     """
     collector = _Collector(target, folder, report, original, describe_flat)
     shapes = tuple(collector.shapes(occurrence) for occurrence in assembly.occurrences)
-    return Geometry(shapes=shapes, meshes=tuple(collector.meshes.values())), collector.losses
+    variants = {mode.name: variant for mode in assembly.modes if (variant := assembly.in_mode(mode.name)) is not assembly}
+    modes = {name: tuple(collector.shapes(occurrence) for occurrence in variant.occurrences) for name, variant in variants.items()}
+    return Geometry(shapes=shapes, meshes=tuple(collector.meshes.values()), modes=modes), collector.losses
 
 
 class _Collector:

@@ -47,6 +47,6 @@ class EmitRequest(FrozenStruct, eq=False):
         assembly = self.assembly.in_target("urdf" if target == "ros" else target)
         if assembly is self.assembly:
             return self
-        robots = tuple(replace(robot, assembly=assembly) for robot in self.robots)
+        robots = tuple(replace(robot, assembly=assembly.in_mode(robot.mode.name)) for robot in self.robots)
         request: EmitRequest = self.made.setdefault(f"request for {target}", replace(self, assembly=assembly, robots=robots, made={}))
         return request

@@ -397,7 +397,7 @@ class DefaultsSpec(Model):
 
     def _check_rules(self) -> None:
         collision = self.component.collision if self.component is not None else None
-        choices = (collision, *collision.by_target.values()) if isinstance(collision, CollisionSpec) else ()
+        choices = (collision, *collision.variants.values()) if isinstance(collision, CollisionSpec) else ()
         if any(choice.shapes for choice in choices if not isinstance(choice, str)):
             raise rule(
                 "`shapes` cannot be a default, because shapes are relative to the frame of one part", "list the shapes in the component",

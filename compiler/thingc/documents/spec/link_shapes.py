@@ -10,7 +10,7 @@ from thingc.documents.load.paths import SUFFIXES_WITH_UNIT
 from thingc.documents.spec.base import Model, given_keys, optional, require_one, require_with, rule
 from thingc.documents.spec.fields import ColorField, CountField, LengthField, NumberField, Vector3Length
 from thingc.documents.spec.materials import FrictionSpec
-from thingc.documents.spec.name_types import MaterialField
+from thingc.documents.spec.name_types import MaterialField, ModeField
 from thingc.documents.spec.names import FileName
 from thingc.documents.spec.poses import PoseSpec
 
@@ -130,7 +130,7 @@ class ChoiceSpec(Model):
 
     def _check_rules(self) -> None:
         known = [key for key in ("kind", "shapes", "decompose") if key in type(self).model_fields]
-        if given_keys(self, known) or not getattr(self, "targets", None):
+        if given_keys(self, known) or not any(getattr(self, key, None) for key in ("targets", "modes")):
             require_one(self, known, "collision shapes", "write, for example, `collision: {shapes: [{box: 40 20 10 mm}]}`")
 
 
@@ -151,11 +151,14 @@ class CollisionSpec(ChoiceSpec):
     """The collision shapes of a part, in long form, with exactly one of the keys `kind`, `shapes`, `decompose`."""
 
     kind: Collision | None = None
-    """The kind of collision shape; default with `targets`: `hull`."""
+    """The kind of collision shape; default with `targets` or `modes`: `hull`."""
     targets: TargetChoicesSpec | None = optional({"mjcf": {"decompose": {"pieces": 8}}, "urdf": "box"})
     """The collision shapes in single formats."""
+    modes: dict[ModeField, Collision | ChoiceSpec] = Field(default={}, examples=[{"bench": "none", "walking": "box"}])
+    """The collision shapes in single modes of this document."""
 
     @property
-    def by_target(self) -> dict[str, Collision | ChoiceSpec]:
-        """The collision shapes in single formats, by format."""
-        return {} if self.targets is None else {name: value for name, value in self.targets if value is not None}
+    def variants(self) -> dict[tuple[str, ...], Collision | ChoiceSpec]:
+        """The collision shapes in single formats and modes, by their path below `collision`."""
+        keys = (("targets", dict(self.targets or ())), ("modes", self.modes))
+        return {(key, name): value for key, values in keys for name, value in values.items() if value is not None}

@@ -31,7 +31,8 @@ class Instance:
     `assembly` is set for an assembly, and `part` is set for a part, a link or a frame. For an invalid component, which has been reported,
     both are None. `index` is the index of an occurrence in document order. For an assembly, `index` is the index of its `base`, which is
     the component that is not placed. The index is None if there is no base. `unit` is the outermost bought assembly that contains the
-    instance. `detail` contains the levels of detail of its component and of all components that contain it.
+    instance. `detail` contains the levels of detail of its component and of all components that contain it. `mode` is the mode of the
+    nested assembly that contains the instance, or None.
     """
 
     path: str
@@ -44,6 +45,7 @@ class Instance:
     base: Instance | None = None
     unit: Unit | None = None
     detail: frozenset[str] = frozenset()
+    mode: str | None = None
 
     @property
     def name(self) -> str:
@@ -138,7 +140,7 @@ class Tree:
                         unit = Unit(path=path, definition=Definition.of(nested), bom=bom_of(inner, None, scope))
                     instance.children[inner.name] = Instance(
                         path=path, component=inner, origin=inner.origin + instance.origin, assembly=nested, unit=unit,
-                        detail=instance.detail | inner.detail,
+                        detail=instance.detail | inner.detail, mode=None if component is None else component.mode,
                     )
                 waiting.extend((child, scope) for child in reversed(instance.children.values()))
             elif component is not None:

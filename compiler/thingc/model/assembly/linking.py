@@ -42,7 +42,7 @@ def check_contacts(occurrences: Sequence[Occurrence], findings: LinkReport) -> N
 
     Parts whose geometry is unknown, for example because they were read from a lock file, are skipped.
     """
-    for one in (occurrence.in_target(target) for occurrence in occurrences for target in occurrence.overrides.choices):
+    for one in (occurrence.choose(path) for occurrence in occurrences for path in occurrence.overrides.choices):
         choice = one.overrides.collision
         if one.record is None or not one.record.meshes or choice in ("none", "shapes") or one.touching:
             continue
@@ -157,8 +157,9 @@ def _occurrence(index: int, instance: Instance, tree: Tree) -> Occurrence:
     if part is None:
         raise ValueError(f"{instance.path} is not an occurrence")
     added = tree.added.get(index)
-    return Occurrence(
+    occurrence = Occurrence(
         **{**asdict(part), "mounts": {**part.mounts, **added} if added else part.mounts},
         path=instance.path, index=index, overrides=part.component.overrides, origin=instance.origin,
         unit=instance.unit, detail=instance.detail,
     )
+    return occurrence.in_nested_mode(instance.mode) if "/" in instance.path else occurrence

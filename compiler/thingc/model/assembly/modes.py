@@ -58,7 +58,7 @@ def _mode(tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: Se
         return None
     return LinkedMode(
         **tree.top.fields_of(mode, ModeSettings), root=root, exclude=tuple(pairs), adhesion=adhesion,
-        pairs=_pairs(tree, mode, occurrences, link_of), groups=tuple(_groups(tree, mode)),
+        pairs=_pairs(tree, mode, [one.choose(("modes", mode.name)) for one in occurrences], link_of), groups=tuple(_groups(tree, mode)),
         holds=_holds(tree, mode), feet=tuple(_feet(tree, mode)),
     )
 

@@ -190,7 +190,7 @@ class PartInstances:
         material = use.material = material_of(component, record.material if record is not None else None, use.scope)
         if record is not None:
             self._warn_mirrored(use, record)
-        shapes = {target: choice.shapes for target, choice in component.overrides.choices.items() if choice.shapes is not None}
+        shapes = {path: choice.shapes for path, choice in component.overrides.choices.items() if choice.shapes is not None}
         for listed in shapes.values():
             warn_far(listed, record, self._meshes, use.path, self._findings)
         weighed = self._weigh(use)
@@ -203,7 +203,7 @@ class PartInstances:
             mass_source=weighed.source if weighed is not None else "derived", estimate=weighed.estimate if weighed is not None else None,
             mounts=self._mounts(use), sound=sound,
             listed=list_shapes(definition, material, self._meshes) if isinstance(definition, LinkDefinition) else None,
-            contacts={name: list_shapes(listed, material, self._meshes).touching for name, listed in shapes.items()},
+            contacts={path: list_shapes(listed, material, self._meshes).touching for path, listed in shapes.items()},
         )
 
     def _warn(self, use: _Use, record: PartRecord) -> None:

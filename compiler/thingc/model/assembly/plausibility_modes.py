@@ -49,8 +49,9 @@ def check_modes(
     _check_gravity(top.modes, findings)
     _check_magnets(top, modes, mass, findings)
     _check_held(top, modes, magnets, findings)
-    with_expressions = {mode.name for mode in top.modes if mode.has_expressions}
-    _check_alike([mode for mode in modes if mode.name not in with_expressions], findings)
+    unlike = {mode.name for mode in top.modes if mode.has_expressions}
+    unlike.update(path[-1] for component in top.components for path in component.overrides.variants if path[:1] == ("modes",))
+    _check_alike([mode for mode in modes if mode.name not in unlike], findings)
 
 
 def _check_steps(top: AssemblyDefinition, findings: LinkReport) -> None:

@@ -65,7 +65,7 @@ class PartInstance(OneLineRepr, FrozenStruct):
     The mass `properties` and the `mounts` (including `origin`) are in the frame of the component. `mass_source` is `measured | vendor |
     stated | derived | estimated`. `estimate` is the method of estimation for a part with infill (`layers | skin`), otherwise None. `sound`
     is False if the mass of the component is invalid, which is reported as an error. `color` is `#rrggbb`. `contacts` contains the collision
-    shapes that the document lists for a part, by format (an empty string for all formats).
+    shapes that the document lists for a part, by their path below `collision`.
     """
 
     component: resolved.Component
@@ -79,7 +79,7 @@ class PartInstance(OneLineRepr, FrozenStruct):
     mounts: dict[str, MountRecord]
     estimate: str | None = None
     listed: Listed | None = None
-    contacts: dict[str, tuple[Surface, ...]] = {}
+    contacts: dict[resolved.ChoicePath, tuple[Surface, ...]] = {}
     sound: bool = True
 
     @property
@@ -150,7 +150,7 @@ class Occurrence(PartInstance):
             return self.listed.touching
         record, choice = self.record, self.overrides.collision
         if choice == "shapes":
-            return self.contacts.get("", ())
+            return self.contacts.get((), ())
         if record is None or not record.meshes or choice == "none":
             return ()
         if choice == "part":
@@ -172,11 +172,26 @@ class Occurrence(PartInstance):
         """
         if not self.detail.isdisjoint(omitted):
             without_shapes = None if self.listed is None else replace(self.listed, drawn=(), touching=())
-            return replace(self, overrides=replace(self.overrides, targets={}, visual=False, collision="none"), listed=without_shapes)
-        choice = self.overrides.targets.get(target)
+            return replace(self, overrides=replace(self.overrides, variants={}, visual=False, collision="none"), listed=without_shapes)
+        return self.choose(("targets", target))
+
+    def choose(self, path: resolved.ChoicePath) -> Occurrence:
+        """Return the occurrence with the collision shapes that the document selects at a path below `collision`, if there are any.
+
+        The shapes of a mode take precedence over the shapes of a format.
+        """
+        choice = self.overrides.variants.get(path)
         if choice is None:
             return self
-        return replace(self, overrides=replace(self.overrides, targets={}, **asdict(choice)), contacts={"": self.contacts.get(target, ())})
+        others = {other: one for other, one in self.overrides.variants.items() if other[:1] == ("modes",) and path[:1] == ("targets",)}
+        contacts = {**self.contacts, (): self.contacts.get(path, ())}
+        return replace(self, overrides=replace(self.overrides, variants=others, **asdict(choice)), contacts=contacts)
+
+    def in_nested_mode(self, mode: str | None) -> Occurrence:
+        """Return the occurrence with the collision shapes of the mode in which its document is nested, in all modes of the robot."""
+        chosen = self if mode is None else self.choose(("modes", mode))
+        others = {path: choice for path, choice in chosen.overrides.variants.items() if path[:1] == ("targets",)}
+        return replace(chosen, overrides=replace(chosen.overrides, variants=others)) if others != chosen.overrides.variants else chosen
 
     @property
     def has_contacts(self) -> bool:
@@ -507,9 +522,15 @@ class Assembly(Connected):
     def in_target(self, target: str) -> Assembly:
         """Return the assembly with the shapes that the document selects for a format, without the omitted levels of detail."""
         omitted = self.definition.omitted.get(target, frozenset())
-        if not omitted and not any(target in occurrence.overrides.targets for occurrence in self.occurrences):
+        if not omitted and not any(("targets", target) in occurrence.overrides.variants for occurrence in self.occurrences):
             return self
         return replace(self, occurrences=tuple(occurrence.in_target(target, omitted) for occurrence in self.occurrences))
+
+    def in_mode(self, mode: str) -> Assembly:
+        """Return the assembly with the collision shapes that the document selects for a mode."""
+        if not any(("modes", mode) in occurrence.overrides.variants for occurrence in self.occurrences):
+            return self
+        return replace(self, occurrences=tuple(occurrence.choose(("modes", mode)) for occurrence in self.occurrences))
 
     @property
     def hag(self) -> Hag:

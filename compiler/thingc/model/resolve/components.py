@@ -173,13 +173,13 @@ def components(context: ResolveRun, table: DocumentScope, placements: dict[str, 
     default_layers: tuple[tuple[ComponentDefaults, Path], ...] = ((defaults, ("defaults", "component")),) if defaults is not None else ()
     # report errors in the defaults even if no component uses them
     properties.material(table.scope, DefaultLayers(default_layers), table.materials, unreadable=table.materials_unreadable)
-    properties.overrides(table.scope, DefaultLayers(default_layers))
+    properties.overrides(table.scope, DefaultLayers(default_layers), table.spec.modes)
     for node in table.nodes.values():
         place = ("component", table.document.relative, *context.route, node.name)
         names = context.memo(("names", *place), names_in, node.spec, defaults)
         inputs = (
             node.spec, defaults, tuple(node.scope.names.get(name) for name in names), node.definition, node.shapes, node.unsound,
-            node.unplaced, placements.get(node.name), table.materials, node.mounts, table.materials_unreadable,
+            node.unplaced, placements.get(node.name), table.materials, node.mounts, table.materials_unreadable, tuple(table.spec.modes),
         )
         yield context.sound(place, inputs, partial(_component, node, table, placements.get(node.name), default_layers))
 
@@ -192,12 +192,13 @@ def _component(
     layers = DefaultLayers(((node.spec, node.path), *(default_layers if is_part else ())))
     nested = node.spec.assembly is not None
     material = None if nested else properties.material(scope, layers, table.materials, unreadable=table.materials_unreadable)
-    overrides = properties.NO_OVERRIDES if nested else properties.overrides(scope, layers)
+    overrides = properties.NO_OVERRIDES if nested else properties.overrides(scope, layers, table.spec.modes)
     if node.shapes:
-        targets = {name: replace(choice, shapes=node.shapes.get(name)) for name, choice in overrides.targets.items()}
-        overrides = replace(overrides, shapes=node.shapes.get(""), targets=targets)
+        variants = {path: replace(choice, shapes=node.shapes.get(path)) for path, choice in overrides.variants.items()}
+        overrides = replace(overrides, shapes=node.shapes.get(()), variants=variants)
     return Component(
         name=node.name, key=str(node.path[-1]), definition=None if node.unsound else node.definition, frame=node.frame and not node.unsound,
         placement=None if node.unsound or node.unplaced else placement, material=material, overrides=overrides, mounts=node.mounts,
         bom=bom_entry(scope, layers), origin=scope.origin(node.path, key=True), detail=frozenset(node.spec.detail),
+        mode=node.spec.mode,
     )

@@ -36,9 +36,9 @@ class ComponentScope:
     """A component of a document that is being resolved.
 
     `table` contains the resolved elements of the nested document, or is None if the component is not a nested assembly. `shapes` contains
-    the collision shapes that the document lists for a part, keyed by format. `unsound` is True if a value that later passes need is
-    invalid, and `unplaced` is True if only the placement is invalid. `incomplete` is True if validation removed invalid entries. `chosen`
-    contains the keys whose values come from `--set` options.
+    the collision shapes that the document lists for a part, by their path below `collision`. `unsound` is True if a value that later passes
+    need is invalid, and `unplaced` is True if only the placement is invalid. `incomplete` is True if validation removed invalid entries.
+    `chosen` contains the keys whose values come from `--set` options.
     """
 
     name: str
@@ -47,7 +47,7 @@ class ComponentScope:
     scope: Scope
     definition: PartDefinition | LinkDefinition | resolved.AssemblyDefinition | None = None
     table: DocumentScope | None = None
-    shapes: dict[str, LinkDefinition] = field(default_factory=dict)
+    shapes: dict[resolved.ChoicePath, LinkDefinition] = field(default_factory=dict)
     mounts: dict[str, resolved.ExtraMount] = field(default_factory=dict)
     unsound: bool = False
     unplaced: bool = False

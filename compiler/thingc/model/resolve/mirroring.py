@@ -84,7 +84,7 @@ def _overrides(overrides: Overrides, axis: str) -> Overrides:
     return replace(
         overrides, shapes=_shapes(overrides.shapes, axis), com=_mirror_stated(overrides.com, mirror.signs),
         up=mirror.vector(overrides.up) if isinstance(overrides.up, tuple) else overrides.up,
-        targets={name: replace(choice, shapes=_shapes(choice.shapes, axis)) for name, choice in overrides.targets.items()},
+        variants={path: replace(choice, shapes=_shapes(choice.shapes, axis)) for path, choice in overrides.variants.items()},
         inertia=_mirror_stated(overrides.inertia, (1.0, 1.0, 1.0, x * y, x * z, y * z)),
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, Literal
 
 from thingc.base.diagnostics import Code
@@ -19,7 +19,7 @@ from thingc.documents.spec.mass import CentreOfMassSpec, InertiaSpec, MassSpec
 from thingc.model.resolve.document_scope import ComponentScope
 from thingc.model.resolve.materials import process
 from thingc.model.resolve.plausibility import LARGEST
-from thingc.model.resolve.references import ORIGIN
+from thingc.model.resolve.references import ORIGIN, suggest
 from thingc.model.resolve.repeats import check_names
 from thingc.model.resolve.scope import DefaultLayers, LayeredValue, Scope
 from thingc.model.resolve.types import CollisionChoice, ExtraMount, Material, Overrides, StatedValue
@@ -53,15 +53,20 @@ def refuse_on_assembly(node: ComponentScope) -> None:
             )
 
 
-def overrides(scope: Scope, layers: DefaultLayers) -> Overrides:
+def overrides(scope: Scope, layers: DefaultLayers, modes: Collection[str]) -> Overrides:
     """Return the overrides of a component, such as mass and collision shape. The material is not included.
 
-    Overrides of the component are merged with the defaults in `layers`, key by key. Invalid values are reported and omitted.
+    Overrides of the component are merged with the defaults in `layers`, key by key. Invalid values are reported and omitted. `modes`
+    contains the names of the modes of the document.
     """
     mass, com, inertia = _mass(scope, layers), _com(scope, layers), _inertia(scope, layers)
     collision, visual = layers.pick("collision"), layers.pick("visual")
     choice = _choice(scope, *collision) if collision else CollisionChoice()
-    by_target = collision.value.by_target if isinstance(collision.value, CollisionSpec) else {}
+    variants = collision.value.variants if isinstance(collision.value, CollisionSpec) else {}
+    for key, name in variants:
+        if key == "modes" and name not in modes:
+            help = suggest(name, modes, what="modes")
+            scope.error(Code.UNKNOWN_MODE, f"there is no mode `{name}`", (*collision.path, key, name), key=True, help=help)
     process_layers, zero = layers.sub("process"), "`up` must not be zero, found `0 0 0`"
     raw, path = layers.sub("print").pick("up")
     up = raw if raw == "auto" else scope.direction(raw, path, "a component of `up`", Code.OUT_OF_RANGE, zero, "up: [0, 0, 1]")
@@ -69,13 +74,13 @@ def overrides(scope: Scope, layers: DefaultLayers) -> Overrides:
         return NO_OVERRIDES
     return Overrides(
         mass=mass, com=com, inertia=inertia, collision=choice.collision, pieces=choice.pieces,
-        targets={name: _choice(scope, spec, (*collision.path, "targets", name)) for name, spec in by_target.items()},
+        variants={inner: _choice(scope, spec, (*collision.path, *inner)) for inner, spec in variants.items()},
         visual=visual.value if visual else True, process=process(scope, process_layers) if process_layers else None, up=up,
     )
 
 
 def _choice(scope: Scope, spec: str | ChoiceSpec, path: Path) -> CollisionChoice:
-    """Return the collision shapes in all formats or in one format, without lists of shapes."""
+    """Return collision shapes, without lists of shapes."""
     if isinstance(spec, str):
         return CollisionChoice(collision=spec)
     if spec.shapes is not None:

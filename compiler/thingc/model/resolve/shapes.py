@@ -12,7 +12,7 @@ from thingc.base.primitives import FARTHEST, Primitive
 from thingc.base.source import Path
 from thingc.base.units import LENGTH, NUMBER, parse_quantity, shorten
 from thingc.documents.load.paths import MESH_SUFFIXES, SUFFIXES_WITH_UNIT, libraries, resolve_path
-from thingc.documents.spec.link_shapes import ChoiceSpec, CollisionSpec, ContactShapeSpec, ShapeSpec
+from thingc.documents.spec.link_shapes import ChoiceSpec, Collision, CollisionSpec, ContactShapeSpec, ShapeSpec
 from thingc.documents.spec.sensors import VolumeSpec
 from thingc.geometry.mesh_bounds import LARGEST
 from thingc.geometry.meshes.files import MeshFile, mesh_file
@@ -22,6 +22,7 @@ from thingc.model.resolve.link_definition import LinkDefinition, LinkShape, link
 from thingc.model.resolve.materials import friction
 from thingc.model.resolve.overrides import material, most_pieces
 from thingc.model.resolve.scope import DefaultLayers, Scope
+from thingc.model.resolve.types import ChoicePath
 
 
 def of_link(context: ResolveRun, table: DocumentScope, node: ComponentScope) -> LinkDefinition | None:
@@ -29,22 +30,21 @@ def of_link(context: ResolveRun, table: DocumentScope, node: ComponentScope) -> 
     return _resolve_shapes(context, table, node, node.spec.shapes, (*node.path, "shapes"))
 
 
-def of_collision(context: ResolveRun, table: DocumentScope, node: ComponentScope) -> dict[str, LinkDefinition]:
-    """Create the lists of collision shapes of a component that is a part, by format (an empty string for all formats).
+def of_collision(context: ResolveRun, table: DocumentScope, node: ComponentScope) -> dict[ChoicePath, LinkDefinition]:
+    """Create the lists of collision shapes of a component that is a part, by their path below `collision`.
 
     If a shape is invalid, which is reported, the list is omitted.
     """
     spec, path = node.spec.collision, (*node.path, "collision")
     if not isinstance(spec, CollisionSpec):
         return {}
-    lists: dict[str, LinkDefinition] = {}
-    choices: list[tuple[str, str | ChoiceSpec]] = [("", spec), *spec.by_target.items()]
-    for name, choice in choices:
+    lists: dict[ChoicePath, LinkDefinition] = {}
+    choices: dict[ChoicePath, Collision | ChoiceSpec] = {(): spec, **spec.variants}
+    for inner, choice in choices.items():
         shapes = None if isinstance(choice, str) else choice.shapes
-        at: Path = (*path, *(("targets", name) if name else ()), "shapes")
-        listed = None if shapes is None else _resolve_shapes(context, table, node, shapes, at)
+        listed = None if shapes is None else _resolve_shapes(context, table, node, shapes, (*path, *inner, "shapes"))
         if listed is not None:
-            lists[name] = listed if node.spec.mirror is None else listed.mirror_image(node.spec.mirror)
+            lists[inner] = listed if node.spec.mirror is None else listed.mirror_image(node.spec.mirror)
     return lists
 
 

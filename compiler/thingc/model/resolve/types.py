@@ -166,6 +166,10 @@ class ExtraMount(MountRecord):
     origin: Origin
 
 
+ChoicePath = tuple[str, ...]
+"""The path of collision shapes below the key `collision`: `()`, `("targets", "mjcf")` for a format or `("modes", "bench")` for a mode."""
+
+
 class CollisionChoice(OneLineRepr, FrozenStruct):
     """The collision shapes of a part: a kind, or `shapes` for the list `shapes`.
 
@@ -180,22 +184,22 @@ class CollisionChoice(OneLineRepr, FrozenStruct):
 class Overrides(CollisionChoice):
     """The values in a document that override properties of a component. A value is None if it is not overridden.
 
-    `targets` contains the collision shapes in single formats. `up` is the direction away from the bed of a printer, in the axes of the
-    component.
+    `variants` contains the collision shapes in single formats and modes. `up` is the direction away from the bed of a printer, in the axes
+    of the component.
     """
 
     mass: StatedValue | None = None
     com: StatedValue | None = None
     inertia: StatedValue | None = None
-    targets: dict[str, CollisionChoice] = {}
+    variants: dict[ChoicePath, CollisionChoice] = {}
     visual: bool = True
     process: Process | None = None
     up: PrintDirection | None = None
 
     @property
-    def choices(self) -> dict[str, CollisionChoice]:
-        """The collision shapes in all formats (empty string), and in single formats, by format."""
-        return {"": self, **self.targets}
+    def choices(self) -> dict[ChoicePath, CollisionChoice]:
+        """All collision shapes, by their path below `collision`."""
+        return {(): self, **self.variants}
 
     @property
     def fully_stated(self) -> bool:
@@ -268,7 +272,7 @@ class Component(OneLineRepr, FrozenStruct):
     If `material` is None, later passes use the default material of the Thing, if the `materials` of the assembly contain it. For a
     component of a mirror image, `image_of` is the original component. If the part equals its mirror image, `mounts_mirrored` is the axis
     along which its mounts are mirrored. `key` is the key of the component in the document. All items of a `repeat` have the same key.
-    `detail` contains the levels of detail to which the component belongs.
+    `detail` contains the levels of detail to which the component belongs. `mode` is the mode of a nested assembly, or None.
     """
 
     name: str
@@ -282,6 +286,7 @@ class Component(OneLineRepr, FrozenStruct):
     bom: BomEntry
     origin: Origin
     detail: frozenset[str] = frozenset()
+    mode: str | None = None
     image_of: Component | None = None
     mounts_mirrored: str | None = None
 

@@ -44,7 +44,10 @@ def stand(assembly: Assembly, mesh_vertices: MeshVertices | None, report: Report
     """
     if not any(mode.on_floor for mode in assembly.modes):
         return assembly
-    modes = tuple(_with_height(assembly, mode, mesh_vertices, report, memo or Memo()) if mode.on_floor else mode for mode in assembly.modes)
+    memo = memo or Memo()
+    modes = tuple(
+        _with_height(assembly.in_mode(mode.name), mode, mesh_vertices, report, memo) if mode.on_floor else mode for mode in assembly.modes
+    )
     return replace(assembly, modes=modes)
 
 

@@ -26,7 +26,7 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
     parent. A joint coordinate q is always the motion of the child in the document relative to its parent in the document. `memo` caches
     results.
     """
-    memo = memo or Memo()
+    memo, assembly = memo or Memo(), assembly.in_mode(mode.name)
     tree_mates = spanning(assembly, mode)
     bodies = bodies_from(assembly, assembly.link_of[mode.root.occurrence], tree_mates, root_pose(assembly, mode), memo)
     if len(bodies) < len(assembly.links):

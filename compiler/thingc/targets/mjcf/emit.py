@@ -119,7 +119,7 @@ def _roots(request: EmitRequest) -> tuple[Geometry, list[Loss], list[Element], d
     Also return two kinds of export losses: those of the shapes, and those that result from adapting the trees to other programs.
     """
     geometry, flat = choose_geometry(request.assembly, request.report)
-    roots = [tree.model(robot, geometry, request.memo) for robot in request.robots]
+    roots = [tree.model(robot, geometry.in_mode(robot.mode.name), request.memo) for robot in request.robots]
     omitted = raw_elements.add(request.assembly, request.robots, roots, request.report)
     raw.apply(request.assembly, request.robots, roots, request.report)
     return geometry, [*flat, *omitted], *compat.adapt_models(request.compat, request.robots, roots, request.report)

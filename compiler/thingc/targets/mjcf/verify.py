@@ -74,7 +74,8 @@ def check(candidates: Sequence[Candidate], geometry: Geometry, store: Store, rep
             leaders[candidate.mode] = representatives.setdefault(key, candidate)
     states: dict[str, initial_state_checks.InitialState] = {}
     verified: set[str] = set()
-    true_meshes = {shape.mesh for shapes in geometry.shapes for shape in shapes.collision if shape.mesh is not None}
+    shapes = (one for several in (geometry.shapes, *geometry.modes.values()) for one in several)
+    true_meshes = {shape.mesh for one in shapes for shape in one.collision if shape.mesh is not None}
     unreduced = any(changes_meshes(candidate.root) for candidate in pending)
     replacements = [] if unreduced or not pending else _check_meshes_separately(accepted, true_meshes if representatives else ())
     checked_modes = {candidate.mode for candidate in representatives.values()}

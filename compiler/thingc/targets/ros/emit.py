@@ -42,16 +42,20 @@ def emit(request: EmitRequest) -> Artifacts:
     geometry, flat = collect_geometry(assembly, "ros", f"{folder}/{MESHES}", request.report)
     document = assembly.definition.document
     comment = heading(document)
-    trees = [model(robot, geometry, request.report, uri) for robot in robots]
+    trees = [model(robot, geometry.in_mode(robot.mode.name), request.report, uri) for robot in robots]
     raw.apply(assembly, robots, "urdf", trees, request.report)
     links, link_of = assembly.links, assembly.link_of
-    colliding_links = frozenset(safe(links[link_of[index]].name) for index, item in enumerate(geometry.shapes) if item.collision)
-    matrices, matrix_losses = _collision_matrices(request, trees, geometry, uri) if len(colliding_links) > 1 else ({}, [])
+    colliding = {
+        robot.mode.name: frozenset(safe(links[link_of[index]].name) for index, item in enumerate(shapes) if item.collision)
+        for robot in robots for shapes in (geometry.in_mode(robot.mode.name).shapes,)
+    }
+    several = any(len(names) > 1 for names in colliding.values())
+    matrices, matrix_losses = _collision_matrices(request, trees, geometry, uri) if several else ({}, [])
     files: dict[str, Content] = {f"{MESHES}/{file}": stored for file, stored in geometry.assets.items()}
     for robot, tree in zip(robots, trees, strict=True):
         file, mode_comment = f"{assembly.name}_{robot.mode.name}", heading(document, robot.mode.name)
         matrix = matrices.get(robot.mode.name)
-        semantics = srdf(robot, colliding_links, matrix, request.report)
+        semantics = srdf(robot, colliding[robot.mode.name], matrix, request.report)
         proved = ", ".join(" and ".join(pair) for pair, apart in matrix.apart.items() if apart) if matrix is not None else ""
         pairs_comment = f' Proved with the reason "Never" for all positions of the joints: {proved}.' if proved else ""
         files[f"config/{file}.srdf"] = write(semantics, mode_comment + pairs_comment, sections=False).text.encode()
@@ -77,11 +81,12 @@ def _collision_matrices(
 ) -> tuple[dict[str, CollisionMatrix], list[Loss]]:
     """Compute the collision matrix of each mode. If MuJoCo cannot compute a matrix, return an export loss instead.
 
-    Modes with the same joints in their trees share a matrix, because the matrix does not depend on the root.
+    Modes with the same joints in their trees and the same shapes share a matrix, because the matrix does not depend on the root.
     """
-    groups: dict[frozenset[str], list[tuple[Robot, Element]]] = {}
+    groups: dict[tuple[frozenset[str], str | None], list[tuple[Robot, Element]]] = {}
     for robot, tree in zip(request.robots, trees, strict=True):
-        groups.setdefault(frozenset(joint.path for body in robot.bodies for joint in body.joints), []).append((robot, tree))
+        own_shapes = robot.mode.name if robot.mode.name in geometry.modes else None
+        groups.setdefault((frozenset(joint.path for body in robot.bodies for joint in body.joints), own_shapes), []).append((robot, tree))
     by_mode: dict[str, CollisionMatrix] = {}
     matrix_losses: list[Loss] = []
     for group in groups.values():

@@ -34,7 +34,10 @@ def emit(request: EmitRequest) -> Artifacts:
     all_losses = dict.fromkeys((*flat, *losses("sdf", CAPABILITIES, assembly, request.robots, cut=True)))
     zeros = [zero_state(robot) for robot in request.robots]
     renamed: list[Loss] = []
-    models = [model(robot, shapes, zero, request.report, renamed) for robot, zero in zip(request.robots, zeros, strict=True)]
+    models = [
+        model(robot, shapes.in_mode(robot.mode.name), zero, request.report, renamed)
+        for robot, zero in zip(request.robots, zeros, strict=True)
+    ]
     all_losses |= dict.fromkeys(renamed)
     raw.apply(assembly, request.robots, "sdf", models, request.report)
     for robot, zero, tree in zip(request.robots, zeros, models, strict=True):

@@ -25,7 +25,7 @@ def emit(request: EmitRequest) -> Artifacts:
     shapes, flat = collect_geometry(assembly, "urdf", FOLDER, request.report)
     meshes = _uri(request)
     files: dict[str, Content] = {f"{FOLDER}/{file}": stored for file, stored in shapes.assets.items()}
-    trees = [model(robot, shapes, request.report, meshes) for robot in request.robots]
+    trees = [model(robot, shapes.in_mode(robot.mode.name), request.report, meshes) for robot in request.robots]
     for robot, tree in zip(request.robots, trees, strict=True):
         tree.children.insert(0, mujoco_extension(robot))
     raw.apply(assembly, request.robots, "urdf", trees, request.report)

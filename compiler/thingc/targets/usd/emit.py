@@ -37,7 +37,7 @@ def emit(request: EmitRequest) -> Artifacts:
     files: dict[str, Content] = {}
     all_losses = dict.fromkeys((*flat, *losses("usd", CAPABILITIES, assembly, request.robots, cut=True)))
     paths = {name: f"/{scope}/{prim_name}" for name, prim_name in names.items()}
-    models = [model(robot, geometry, paths, request.report) for robot in request.robots]
+    models = [model(robot, geometry.in_mode(robot.mode.name), paths, request.report) for robot in request.robots]
     raw.apply(assembly, models, request.report)
     for robot, prim in zip(request.robots, models, strict=True):
         comment, file = heading(assembly.definition.document, robot.mode.name), f"{assembly.name}_{robot.mode.name}.usda"

@@ -348,8 +348,8 @@ def _overrides(overrides: Overrides) -> Iterator[tuple[str, Value]]:
     for key, value in (("mass", overrides.mass), ("com", overrides.com), ("inertia", overrides.inertia)):
         yield f"{key}.value", None if value is None else value.value[0] if len(value.value) == 1 else tuple(value.value)
         yield f"{key}.source", None if value is None else value.source
-    for target, choice in overrides.choices.items():
-        key = f"collision.targets.{target}" if target else "collision"
+    for path, choice in overrides.choices.items():
+        key = ".".join(("collision", *path))
         yield key, choice.collision
         if choice.shapes is not None:
             yield f"{key}.shapes", f"{choice.shapes.label.removeprefix('link ')}, {choice.shapes.text.removeprefix('link-')}"

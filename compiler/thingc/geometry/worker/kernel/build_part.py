@@ -63,6 +63,9 @@ NOTHING = 1e-9
 OVERLAP = 0.01
 """Fraction of a part's volume. An overlap of its solids is reported if it is larger than this fraction and larger than 1 mm^3."""
 
+NOT_CONVEX = 0.001
+"""Fraction of the volume of a convex hull. If more than this fraction is outside of the solid, the solid is not convex."""
+
 DEVIATION = 0.01
 """Largest deviation of a simplified mesh from the original mesh for which no warning is reported, relative to the longest side of the
 part.
@@ -119,7 +122,8 @@ def build_part(definition: dict[str, Any], tessellations: Tessellations, context
                 built = _mirror(built, definition["mirror"])
             session.stop()
             record = _measure(built, tessellations, store) if built.shapes else built.record
-            record = replace(record, pieces=tuple(_pieces(built.collision, tessellations.simulation, store)))
+            pieces, hull_warnings = _pieces(built.collision, tessellations.simulation, store)
+            record = replace(record, pieces=pieces, warnings=(*record.warnings, *hull_warnings))
             python_warnings = dict.fromkeys(  # warnings about lines in libraries are omitted
                 PartWarning(message=str(one.message), file=one.filename, line=one.lineno) for one in caught if session.is_own(one.filename)
             )
@@ -407,17 +411,29 @@ def _visual(shapes: Sequence[TopoDS_Shape], tessellation: Tessellation) -> meshi
     return mesh
 
 
-def _pieces(shapes: Sequence[TopoDS_Shape], tessellation: Tessellation, store: Store) -> Iterable[Mesh | Primitive]:
+def _pieces(
+    shapes: Sequence[TopoDS_Shape], tessellation: Tessellation, store: Store,
+) -> tuple[tuple[Mesh | Primitive, ...], list[PartWarning]]:
+    """Return the convex shapes that replace the solids of `collision()`, and warnings about solids that are not convex."""
     solids = [solid for shape in shapes for solid in solids_of(shape)]
     if shapes and not solids:
         raise NoPart("invalid", "collision() returned no solid: expected convex solids")
-    for solid in solids:
+    pieces: list[Mesh | Primitive] = []
+    hull_warnings: list[PartWarning] = []
+    for number, solid in enumerate(solids, start=1):
         primitive = primitive_of(solid)
         if primitive is not None:
-            yield primitive
+            pieces.append(primitive)
             continue
         mesh = _triangles(solid, tessellation).scale(1.0 / convert.MM)
-        yield stored_obj(meshing.hull(mesh.vertices) or mesh, store)
+        hull = meshing.hull(mesh.vertices) or mesh
+        outside = hull.volume - abs(mesh.volume)
+        if outside > NOT_CONVEX * hull.volume:
+            share = f"{outside / hull.volume:.1%} of its convex hull, which replaces it, is outside of the solid"
+            message = f"solid {number} of the {len(solids)} of collision() is not convex: {share}; divide it into convex solids"
+            hull_warnings.append(PartWarning(message=message))
+        pieces.append(stored_obj(hull, store))
+    return tuple(pieces), hull_warnings
 
 
 def _store_mesh(mesh: meshing.Triangles, data: bytes, store: Store) -> Mesh:
