@@ -10,11 +10,13 @@ from msgspec import convert, to_builtins
 
 from thingc.base.interfaces import MatingFeature
 from thingc.geometry.things.resolver import Framed, TransformResolver
+from thingc.geometry.things.sweep import Range, sweep
 
 if TYPE_CHECKING:
-    from build123d import VectorLike
+    from build123d import Solid, VectorLike
+    from build123d.topology import Compound
 
-    from thingc.geometry.things.thing import Thing
+    from thingc.geometry.things.thing import Geometry, Thing
 
 MATE = Location(Plane(origin=(0, 0, 0), x_dir=(0, -1, 0), z_dir=(0, 0, -1)))
 """The transformation between two mated mounts. The z axes of the mounts are opposed, and x and y are swapped and negated: [[0, -1, 0], [-1,
@@ -125,6 +127,15 @@ class MountPoint(Framed):
         if under_construction and (thing, name) not in self._expected:
             self._expected.append((thing, name))
         return TransformResolver(thing, self.location * MATE * other._local.inverse())
+
+    def sweep(self, shapes: Geometry, *, turn: Range = None, slide: Range = None, tolerance: float = 0.2) -> Solid | Compound:
+        """Return the space that shapes fill while a joint at this mount moves them.
+
+        `turn` [deg] or `slide` [mm] is the range of the joint, whose axis is the z axis of the mount. The range has the same sign for the
+        parent and for the child of the joint. The space is a prism along the axis, whose base is at most `tolerance` [mm] larger than the
+        outline of the moving shape as seen along the axis. Raises `ValueError` for an empty range, for two ranges, or without a solid.
+        """
+        return sweep(shapes, self.location, turn, slide, tolerance)
 
     def __repr__(self) -> str:
         whose = f"{type(self._owner).__name__}.{self._name}" if self._owner is not None else "free"
