@@ -102,7 +102,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
 
     @property
     def refused(self) -> Counter[str]:
-        """The number of refused settings of robots, by error message."""
+        """The number of invalid robot settings that were drawn and skipped, keyed by error message."""
         return self._morphologies.refused
 
     # --- Gymnasium API --------------------------------------------------------------------------------------------------

@@ -220,7 +220,7 @@ class Traced(Recorded):
         return self if self.tape.writing or self.tape.reporting else self.value
 
     def slot(self, form: str) -> str:
-        """Return the slot that represents this number in a text. `form` is the format for inserting the number."""
+        """Return a placeholder for this number in a text. `form` is the format of the number that replaces the placeholder."""
         return slot(f"{self.line}:{form}")
 
 

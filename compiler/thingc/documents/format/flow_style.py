@@ -218,7 +218,7 @@ def outline(piece: Segment) -> Any:
 
 
 def order_of(items: list[Item], shape: FieldType | None) -> list[int]:
-    """Return the indices of `items`, which are the entries of a mapping, in canonical order.
+    """Sort the entries `items` of a mapping into canonical order, and return their indices.
 
     If a YAML alias would precede its anchor in canonical order, return the order of the document.
     """

@@ -342,7 +342,7 @@ class _Builder:
         unit_at_end = all(scan_number(piece.value) == (piece.value, len(piece.value)) for piece in (first, others[0]))
         corrected = text if unit_at_end else f"[{original}]"  # a unit at the end applies to all three values
         self.report.add(
-            Code.EXPRESSION_COMMA, "the comma ends the value: write a vector in `[]`, or separate its values by spaces", span,
+            Code.EXPRESSION_COMMA, "an unbracketed value ends at the comma: write a vector in `[]`, or separate its values by spaces", span,
             help=Suggestion(f"write `{shorten(corrected)}`", (original, corrected) if "\n" not in original else None),
         )
         return ScalarNode(value=text, text=text, span=span, damaged=True)

@@ -100,7 +100,7 @@ class ContactShapeSpec(Model):
             why = "other shapes are convex" if key == "decompose" else "lengths of other shapes include their units"
             require_with(self, key, "mesh", f"remove `{key}`: {why}")
         if self.unit is not None and self.mesh is not None and self.mesh.lower().endswith(SUFFIXES_WITH_UNIT):
-            raise rule(f"`{self.mesh}` specifies its unit, as all COLLADA and glTF files do", "remove `unit`; `scale` is allowed", "unit")
+            raise rule(f"`{self.mesh}` specifies its unit, as all COLLADA and glTF files do", "use `scale` instead of `unit`", "unit")
 
 
 class ShapeSpec(ContactShapeSpec):

@@ -304,7 +304,7 @@ class PartInstances:
             return weigh_shapes(definition, use.material, self._meshes, use.component.overrides)
         except MissingDensity as why:
             if str(why):
-                help = "give every shape, or the link, a `material` with a density, or add `mass:`, `com:` and `inertia:`"
+                help = "set a `material` with a density for the link or for every shape, or add `mass:`, `com:` and `inertia:`"
                 use.error(Code.NO_MATERIAL, f"`{use.component.name}` {why}", help=help)
             else:  # the file was not read, or its error has been reported
                 self._findings.incomplete = self.unknown = True

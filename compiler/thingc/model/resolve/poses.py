@@ -168,7 +168,7 @@ def _set(scope: Scope, joints: Joints, names: list[CoordinateName], raw: Any, pa
             message = f"the value of joint `{name}` must be {coordinate.words} (such as {coordinate.example}), found the string `{raw}`"
             help, key = f"an expression begins with `=`: `={raw}`" if raw in scope.names else None, False
         else:
-            subject = f"the value of joint `{name}`" if exact else f"the value of joint `{name}`, which the pattern matches,"
+            subject = f"the value of joint `{name}`" if exact else f"the pattern matches joint `{name}`: its value"
             value = scope.number(raw, path, coordinate, subject, notes=notes)
             if value is not None:
                 settings[name.path] = (value, scope.origin(path))

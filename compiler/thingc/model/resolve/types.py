@@ -386,7 +386,7 @@ class PathStep(Wrap):
 
 
 class TendonLength(OneLineRepr, FrozenStruct):
-    """The length of a tendon, to which its limit and its dynamics apply.
+    """The length of a tendon. The limit and the dynamics of the tendon apply to this length.
 
     If `turns` is True, the length is an angle [rad], otherwise a length [m]. MuJoCo draws a tendon along a path with the diameter `width`
     [m].

@@ -55,7 +55,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("name", metavar="NAME", help="name of the element; for a part: CLASS or MODULE:CLASS; for an assembly: an existing or new document")
     add("--to", metavar="DOC", help="the document to change (optional for parts and assemblies)")
     add("--on", metavar="MOUNT", help="for parts and assemblies: the mount to which the new component is attached")
-    add("--by", metavar="MOUNT", help="for parts and assemblies: the mount of the new component to attach to the mount --on")
+    add("--by", metavar="MOUNT", help="for parts and assemblies: the mount of the new component that meets the mount of --on")
     add("--at", metavar="MOUNT", help="for parts and assemblies: place the origin of the new component at this mount (instead of --on)")
     add("--name", metavar="NAME", dest="component", help="for parts and assemblies: name of the component (default: from the part)")
     add(

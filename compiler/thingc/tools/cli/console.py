@@ -100,8 +100,8 @@ def add_compiling(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--set", metavar="PATH=TEXT", action="append", default=[], dest="choice",
-        help="set the value at a path, for example --set 'joints.elbow.limit.upper=90 deg', or select a part, a nested assembly or a "
-        "material, for example --set components.foot.part=feet:Wide (may be repeated)",
+        help="set a value of the document, such as 'joints.elbow.limit.upper=90 deg', or choose another part, nested assembly or "
+        "material, such as components.foot.part=feet:Wide (may be repeated)",
     )
     parser.add_argument("--strict", action="store_true", help="treat warnings as errors")
     add_geometry(parser)

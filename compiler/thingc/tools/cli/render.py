@@ -62,7 +62,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add("--elevation", metavar="DEG", type=_degrees(90.0), help="vertical view angle; negative: down (default: -22; with a ceiling 16)")
     add("--mounts", action="store_true", help="draw mounts with attached components, and mounts that the document exports or adds")
-    add("--mounts-of", metavar="COMPONENT", action="append", default=[], help="draw all mounts of this component, such as hand.cap")
+    add("--mounts-of", metavar="COMPONENT", action="append", default=[], help="draw all mounts of a component, such as those of hand.cap")
     add("--joints", action="store_true", help="draw joint axes, with arrows in the positive direction")
     add("--collision", action="store_true", help="draw transparent collision shapes over the parts")
     add("--root", action="store_true", help="draw the frame of the root")

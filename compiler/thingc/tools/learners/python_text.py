@@ -54,7 +54,7 @@ def file_name(robot: Robot) -> str:
 
 
 def constant(robot: Robot, suffix: str) -> str:
-    """Return the name of a constant of a robot, such as `ARM_CFG`."""
+    """Return the name of the Python constant that describes a robot, such as `ARM_CFG`."""
     return f"{_identifier(robot.assembly.name).upper()}_{suffix}"
 
 

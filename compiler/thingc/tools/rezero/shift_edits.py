@@ -79,7 +79,7 @@ class ShiftEdits:
         self.names, self.coordinate, self.independent = names, coordinate, independent
 
     def edits(self, joint: Joint | None) -> Edits:
-        """Yield the path and the text of each new value. `joint` is the joint if the document defines it. Raises `ShiftRefused`."""
+        """Yield the path and the text of each new value. `joint` is None if another document defines it. Raises `ShiftRefused`."""
         self._check_raw()
         if joint is not None:
             yield from self._motion(joint)

@@ -71,7 +71,7 @@ def subshapes(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
 
 
 def solids_of(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
-    """Return the solids that a shape contains, in the order of the shape."""
+    """Return the solids that a shape contains, in the order in which the CAD kernel lists them."""
     return list(subshapes(shape, TopAbs_SOLID))
 
 

@@ -141,7 +141,7 @@ class CompiledSource:
         return [(name, numbers(getattr(self.model, array)[number])) for name, array in arrays.items()]
 
     def lose_nonlinear(self, kind: str, number: int, arrays: Mapping[str, int]) -> None:
-        """Record a loss if the damping or stiffness of a joint or tendon is nonlinear. `arrays` maps arrays of coefficients to indices."""
+        """Record an import loss if a joint or tendon has nonlinear damping or stiffness. `arrays` maps array names to rows."""
         for array, index in arrays.items():
             polynomial = getattr(self.model, array, None)  # older versions of MuJoCo have no such arrays
             if polynomial is not None and any(floats(polynomial[index])):
