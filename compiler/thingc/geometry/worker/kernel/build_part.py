@@ -63,8 +63,10 @@ NOTHING = 1e-9
 OVERLAP = 0.01
 """Fraction of a part's volume. An overlap of its solids is reported if it is larger than this fraction and larger than 1 mm^3."""
 
-NOT_CONVEX = 0.001
-"""Fraction of the volume of a convex hull. If more than this fraction is outside of the solid, the solid is not convex."""
+NOT_CONVEX = 0.02
+"""Fraction of the volume of a convex hull. If more than this fraction is outside of the solid, the solid is not convex. The facets of a
+convex curved surface, whose angle is coarse in simulators, can leave out up to one percent.
+"""
 
 DEVIATION = 0.01
 """Largest deviation of a simplified mesh from the original mesh for which no warning is reported, relative to the longest side of the
