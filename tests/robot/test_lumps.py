@@ -16,6 +16,7 @@ from thingc.base.diagnostics import Report
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.model.resolve.resolver import Settings
+from thingc.tools.diff.take_snapshot import take_snapshot
 
 LINK = "inertia: {ixx: 4.1e-5 kg*m^2, iyy: 5.3e-5 kg*m^2, izz: 2.7e-5 kg*m^2, ixy: 4e-6 kg*m^2}"
 CRANK = f"link: true, mass: 90.7 g, com: 2 1 30 mm, {LINK}, shapes: [{{box: 10 20 60 mm, at: {{xyz: 0 0 30 mm}}}}]"
@@ -131,6 +132,58 @@ def test_names_inside_a_lump_are_unknown_except_mounts_and_poses(lumped: Built, 
 def test_wrong_lumps_are_reported(tmp_path: Path, old: str, new: str, message: str) -> None:
     said = compiled(tmp_path, {"host.yaml": HOST.replace(old, new), "gripper.yaml": GRIPPER}).said
     assert message in [one[1] for one in said]
+
+
+ARM = """\
+thingc: assembly/1
+name: arm
+components:
+  post: {link: true, mass: 1 kg, shapes: [{box: 20 30 100 mm}], mounts: {foot: {xyz: 0 0 -50 mm}, top: {xyz: 5 7 50 mm}}}
+  hand: {assembly: gripper.yaml, as: lump, pose: closed, mirror: x, attach: {back: post.top}}
+mounts: {foot: post.foot, tip: hand.tip}
+"""
+STAND = """\
+thingc: assembly/1
+name: stand
+components:
+  base: {link: true, mass: 10 kg, shapes: [{box: 300 200 100 mm}], mounts: {top: {xyz: 0 20 50 mm}}}
+  arm: {assembly: arm.yaml, mirror: x, attach: {foot: base.top}}
+poses: {p: {arm.hand: closed}}
+modes: {bench: {root: base, base: free, pose: p}}
+"""
+
+
+@pytest.mark.parametrize("outer", ["", "as: lump, "])
+def test_mirror_image_of_a_mirrored_lump_is_a_lump(tmp_path: Path, outer: str) -> None:
+    models = []
+    for name, arm in (("rigid", ARM), ("moving", ARM.replace("as: lump, pose: closed, ", ""))):
+        tmp_path.joinpath(name).mkdir()
+        stand = STAND.replace("mirror", f"{outer}mirror") if name == "rigid" else STAND
+        built = compiled(tmp_path / name, {"stand.yaml": stand, "arm.yaml": arm, "gripper.yaml": GRIPPER})
+        assert [one[0] for one in built.said] == ([] if name == "rigid" else ["TC532"])
+        model = built.model("bench")
+        data = at_key(model, "p")
+        bodies = [model.body(body).name for body in range(1, model.nbody)]
+        models.append((model.njnt, *composite(model, data, bodies), data.site("arm/tip").xpos))
+    assert (models[0][0], models[1][0]) == (1, 4)
+    for got, expected in zip(models[0][1:], models[1][1:], strict=True):
+        assert np.allclose(got, expected, rtol=0.0, atol=1e-12)
+
+
+def test_assembly_graph_distinguishes_lumps_from_the_moving_assembly(tmp_path: Path, lumped: Built) -> None:
+    mixed = HOST.replace("third: {assembly: gripper.yaml, as: lump, pose: closed, ", "third: {assembly: gripper.yaml, ")
+    built = compiled(tmp_path, {"host.yaml": mixed, "gripper.yaml": GRIPPER})
+    for one, hands in ((built, {"hand": ["palm"], "third": [*MEMBERS]}), (lumped, {"hand": ["palm"], "third": ["palm"]})):
+        assert one.compilation.assembly is not None
+        edges = one.compilation.assembly.hag.edges
+        nodes = {edge.component: edge.child for edge in edges if edge.parent == "host"}
+        assert nodes["hand"] == "gripper" and nodes["third"].startswith("gripper [")
+        for hand, members in hands.items():
+            assert [edge.component for edge in edges if edge.parent == nodes[hand]] == members
+
+def test_diff_shows_the_mass_of_a_lump_instead_of_the_text_of_its_base(lumped: Built, full: Built) -> None:
+    masses = [take_snapshot(one.compilation).things["component", "hand/palm"].facts["mass.value"] for one in (full, lumped)]
+    assert [(one.value, one.written) for one in masses] == [(0.431, "431 g"), (pytest.approx(0.6654, rel=1e-12), None)]
 
 
 def test_bill_of_materials_lists_a_lump_as_one_part(lumped: Built) -> None:

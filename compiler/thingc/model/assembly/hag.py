@@ -90,12 +90,16 @@ def hag_of(model: AssemblyDefinition) -> Hag:
     def node_of(definition: PartDefinition | LinkDefinition | AssemblyDefinition | None) -> Definition:
         """Return the node of a definition, or of a frame for None.
 
-        Edges refer to a node by its text. If a later definition has the same text, its reference is appended to its text in brackets.
+        Edges refer to a node by its text. If a later definition has the same text, its reference, or the body of a lump, is appended to
+        its text in brackets.
         """
         node = Definition.of(definition) if definition is not None else FRAME
-        key = (node.kind, node.reference, node.text)
+        reference = node.reference
+        if isinstance(definition, AssemblyDefinition) and definition.lump:  # it has the text of the moving assembly, which differs
+            reference = Definition.of(definition.components[0].definition or definition).text
+        key = (node.kind, reference, node.text)
         if key not in nodes:
-            suffix = f" [{node.reference}]" if node.text in texts else ""
+            suffix = f" [{reference}]" if node.text in texts else ""
             nodes[key] = replace(node, text=node.text + suffix, label=node.label + suffix)
             texts.add(node.text + suffix)
         return nodes[key]

@@ -103,12 +103,13 @@ def check_plausible(tree: Tree, assembly: Assembly) -> None:
     check_processes(tree, occurrences)
     _check_stated(occurrences, tree.findings)
     odd = _check_sizes(occurrences, tree.findings)
-    if not odd and not tree.findings.has_reported(Code.DENSITY) and any(mate.joints for mate in mates):
+    if not odd and not tree.findings.has_reported(Code.DENSITY) and any(mate.joints for mate in mates) and not tree.model.lump:
         _check_mass(tree, mass)
     _check_actuators(tree, occurrences, mates, {mount.occurrence for mount in assembly.exported if "/" not in mount.path})
     _check_mounts(tree, mates)
     check_mirrored_pairs(assembly, tree.findings)
-    check_nested_simulation(tree)
+    if not tree.model.lump:
+        check_nested_simulation(tree)
     check_modes(tree.model, modes, assembly.adhesions, mass, tree.findings)
     sizes = {part.index: dist(*part.box) for part in occurrences if part.box is not None}
     if sizes and all(part.exact for part in occurrences):

@@ -96,7 +96,10 @@ def _define(context: ResolveRun, table: DocumentScope, node: ComponentScope, nes
         nested, mode = node.definition, rigid_mode(node, node.table)
         node.table = None  # no names in a rigid body can be referenced, except its mounts
         if isinstance(nested, AssemblyDefinition):
-            node.definition = replace(nested, modes=(mode,), lump=True) if mode is not None else None
+            node.definition = None
+            if mode is not None:  # the mirror image of a mirrored lump is also a lump
+                plain = nested.plain and replace(nested.plain, modes=(mode,), lump=True)
+                node.definition = replace(nested, modes=(mode,), lump=True, plain=plain)
 
 
 def _image(node: ComponentScope, table: DocumentScope, definition: AssemblyDefinition, axis: str) -> AssemblyDefinition | None:

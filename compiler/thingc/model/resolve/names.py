@@ -47,7 +47,7 @@ def names(table: DocumentScope, scope: Scope) -> Iterator[NameInFiles]:
             place: Path = ("names", kind, own)
             if (own.partition(":")[0] if kind == "sensors" else own) not in known:
                 if not unsure and not any(map(table.doubts.lacks, sections)):
-                    help = suggest(own, known, what=what.replace("joint or", "joints or") + "s")
+                    help = suggest(own, known, what=what.partition(" that ")[0].replace("joint or", "joints or") + "s")
                     scope.error(code, f"this document has no {what} `{own}`", place, key=True, help=help)
             elif name in TAKEN.get(kind, ()):
                 scope.error(

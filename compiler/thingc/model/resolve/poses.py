@@ -185,7 +185,7 @@ def _set_matching(table: DocumentScope, scope: Scope, joints: Joints, key: str, 
     movable = [name for name in matches if (joint := joints[name]) is not None and joint.settable]
     if movable:
         _set(scope, joints, movable, raw, path, settings, exact=False)
-    elif any(joints[name] is None for name in matches) or table.may_lack_joints():
+    elif any(joints[name] is None for name in matches) or table.may_lack_joints() or _may_be_below_unresolved(table, key):
         return
     elif matches:
         scope.error(
@@ -223,7 +223,7 @@ def _apply_nested_pose(table: DocumentScope, scope: Scope, key: str, pose: str, 
     assemblies = [(name, node) for name, node in matched if node.spec.assembly is not None]
     if not assemblies:
         nested = [name for name, node in table.all_nodes() if node.table is not None]
-        if table.unbuilt or any(node.incomplete for _, node in matched):
+        if table.unbuilt or any(node.incomplete for _, node in matched) or _may_be_below_unresolved(table, key):
             return
         code, message, candidates, nouns = Code.NO_MATCH, f"pattern `{key}` matches no nested assembly", nested, "nested assemblies"
         if matched:
@@ -250,14 +250,20 @@ def _apply_nested_pose(table: DocumentScope, scope: Scope, key: str, pose: str, 
                 settings[f"{prefix}/{joint}"] = (q, (*inner_pose.origins[joint], *scope.origin(path)))
 
 
+def _may_be_below_unresolved(table: DocumentScope, key: str) -> bool:
+    """Return whether a key or a pattern of a pose may refer to elements of a lump, or of a nested document that cannot be resolved."""
+    glob = GLOB.search(key)
+    head = key[: glob.start()] if glob else f"{key}."
+    unresolved = [f"{name}." for name, node in table.all_nodes() if node.spec.assembly is not None and node.table is None]
+    return any(head.startswith(prefix) or glob is not None and prefix.startswith(head) for prefix in unresolved)
+
+
 def _report_unknown(table: DocumentScope, scope: Scope, joints: Joints, key: str, path: Path) -> None:
     first = key.partition(".")[0]
     node = table.nodes.get(first)
     if table.unbuilt_joints and any(f"{key}_".startswith(prefix) for prefix in table.unbuilt_joints):
         return
-    if (node is not None and node.spec.assembly is not None and node.table is None) or any(
-        f"{first}_".startswith(prefix) for prefix in table.unbuilt
-    ):
+    if _may_be_below_unresolved(table, key) or any(f"{first}_".startswith(prefix) for prefix in table.unbuilt):
         return
     if node is not None and "." in key and node.table is not None and node.table.doubts:
         return

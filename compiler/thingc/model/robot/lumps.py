@@ -96,7 +96,7 @@ def _lump(
     exports = {name: Reference(path=(base,), mount=name, origin=mount.origin) for name, mount in mounts.items()}
     return replace(
         nested, components=(rigid,), mounts=exports, joints=(), links=(), poses=(), modes=(), raw=(), added=(), tendons=(), sensors=(),
-        names=(), loose=(), order=(), simulation={}, step_origin=(), lump=False,
+        names=(), loose=(), order=(), simulation={}, step_origin=(),
     )
 
 

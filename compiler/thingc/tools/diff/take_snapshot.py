@@ -113,7 +113,8 @@ class _Reader:
         else:
             kind, reference, text = "frame", "frame", "frame"
         self.nodes.append(ComponentNode(path=path, kind=kind, reference=reference, text=text, place=place))
-        node = self.written.note_component(path, definition.document, component)
+        # the document contains only the components of the moving assembly
+        node = () if definition.lump else self.written.note_component(path, definition.document, component)
         scope = prefix.rstrip("/")
 
         def fact(value: Value, *keys: str) -> Fact:
