@@ -741,16 +741,34 @@ def test_thin_vane_that_sweeps_past_a_pin_is_not_reported_as_never(
     assert matrix.counts == {} and matrix.apart == {("c0", "c2"): apart}
 
 
-@pytest.mark.parametrize(("kind", "follows"), [("prismatic", ""), ("continuous", '<mimic joint="j0" multiplier="0.5" offset="0"/>')])
-def test_joints_with_an_infinite_range_are_not_proved(tmp_path: Path, kind: str, follows: str) -> None:
-    """A slide without limits may leave the sampled range. A joint with half of the angle of another joint repeats after two turns."""
-    links = "".join(sphere(k, None if k == 1 else "0 0 0", 0.01) for k in range(3))
+@pytest.mark.parametrize(("first", "second", "follows", "bare"), [
+    ("prismatic", "prismatic", "", 1), ("continuous", "continuous", '<mimic joint="j0" multiplier="0.5" offset="0"/>', 1),
+    ("prismatic", "continuous", '<mimic joint="j0" multiplier="1" offset="0"/>', 0),
+])
+def test_joints_with_an_infinite_range_are_not_proved(tmp_path: Path, first: str, second: str, follows: str, bare: int) -> None:
+    """A slide without limits may leave the sampled range, and then a joint that follows the slide may turn farther than in this range. A
+    joint with half of the angle of another joint repeats after two turns."""
+    links = "".join(sphere(k, None if k == bare else "0 0 0", 0.01) for k in range(3))
     joints = "".join(
         f'<joint name="j{k}" type="{kind}"><origin xyz="{1.0 - 0.5 * k} 0 0"/><parent link="c{k}"/><child link="c{k + 1}"/>'
-        f'<axis xyz="0 0 1"/>{limit(-1e9, 1e9)}{follows if k else ""}</joint>' for k in range(2)
+        f'<axis xyz="0 0 1"/>{limit(-1e9, 1e9)}{follows if k else ""}</joint>' for k, kind in enumerate((first, second))
     )
     tree = element(ElementTree.fromstring(f'<robot name="r">{links}{joints}</robot>'))
     assert collision_matrix.collision_matrix(tree, "meshes", (), {}, (), Store(str(tmp_path))).apart == {}
+
+
+@pytest.mark.parametrize(("kind", "apart"), [("fixed", True), ("floating", False)])
+def test_pairs_that_a_floating_joint_moves_can_collide(tmp_path: Path, kind: str, apart: bool) -> None:
+    """No joint of the robot has limits. Both results are in one store, and the shapes of both robots are at the same places."""
+    links = "".join(sphere(k, "0 0 0", 0.01) for k in range(3))
+    joints = "".join(
+        f'<joint name="j{k}" type="{kind}"><origin xyz="{0.1 * k} 0 0"/><parent link="c0"/><child link="c{k}"/></joint>' for k in (1, 2)
+    )
+    tree, store = element(ElementTree.fromstring(f'<robot name="r">{links}{joints}</robot>')), Store(str(tmp_path))
+    other = element(ElementTree.fromstring(f'<robot name="r">{links}{joints.replace(kind, "fixed")}</robot>'))
+    neighbours = (("c0", "c1"), ("c0", "c2"))
+    assert collision_matrix.collision_matrix(other, "meshes", (), {}, neighbours, store).apart == {("c1", "c2"): True}
+    assert collision_matrix.collision_matrix(tree, "meshes", (), {}, neighbours, store).apart == {("c1", "c2"): apart}
 
 
 def test_excluded_pairs_have_reason_user(tmp_path: Path) -> None:

@@ -139,28 +139,31 @@ thingc: assembly/1
 name: arm
 components:
   post: {link: true, mass: 1 kg, shapes: [{box: 20 30 100 mm}], mounts: {foot: {xyz: 0 0 -50 mm}, top: {xyz: 5 7 50 mm}}}
-  hand: {assembly: gripper.yaml, as: lump, pose: closed, mirror: x, attach: {back: post.top}}
+  hand: {assembly: gripper.yaml, INNER mirror: x, attach: {back: post.top}}
 mounts: {foot: post.foot, tip: hand.tip}
+poses: {folded: {hand: closed}}
 """
 STAND = """\
 thingc: assembly/1
 name: stand
 components:
   base: {link: true, mass: 10 kg, shapes: [{box: 300 200 100 mm}], mounts: {top: {xyz: 0 20 50 mm}}}
-  arm: {assembly: arm.yaml, mirror: x, attach: {foot: base.top}}
+  arm: {assembly: arm.yaml, OUTER mirror: x, attach: {foot: base.top}}
 poses: {p: {arm.hand: closed}}
 modes: {bench: {root: base, base: free, pose: p}}
 """
 
 
-@pytest.mark.parametrize("outer", ["", "as: lump, "])
-def test_mirror_image_of_a_mirrored_lump_is_a_lump(tmp_path: Path, outer: str) -> None:
+@pytest.mark.parametrize(("inner", "outer"), [
+    ("as: lump, pose: closed,", ""), ("as: lump, pose: closed,", "as: lump,"), ("", "as: lump, pose: folded,"),
+])
+def test_mirror_images_of_lumps_and_lumps_in_lumps_are_rigid(tmp_path: Path, inner: str, outer: str) -> None:
     models = []
-    for name, arm in (("rigid", ARM), ("moving", ARM.replace("as: lump, pose: closed, ", ""))):
+    for name, keys in (("rigid", (inner, outer)), ("moving", ("", ""))):
         tmp_path.joinpath(name).mkdir()
-        stand = STAND.replace("mirror", f"{outer}mirror") if name == "rigid" else STAND
-        built = compiled(tmp_path / name, {"stand.yaml": stand, "arm.yaml": arm, "gripper.yaml": GRIPPER})
-        assert [one[0] for one in built.said] == ([] if name == "rigid" else ["TC532"])
+        documents = {"stand.yaml": STAND.replace("OUTER", keys[1]), "arm.yaml": ARM.replace("INNER", keys[0]), "gripper.yaml": GRIPPER}
+        built = compiled(tmp_path / name, documents)
+        assert [one[0] for one in built.said] == ([] if name == "rigid" else ["TC532"])  # `simulation` of lumps is not used
         model = built.model("bench")
         data = at_key(model, "p")
         bodies = [model.body(body).name for body in range(1, model.nbody)]
@@ -168,6 +171,19 @@ def test_mirror_image_of_a_mirrored_lump_is_a_lump(tmp_path: Path, outer: str) -
     assert (models[0][0], models[1][0]) == (1, 4)
     for got, expected in zip(models[0][1:], models[1][1:], strict=True):
         assert np.allclose(got, expected, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("inner", ["", "as: lump,"])
+def test_poses_can_set_joints_below_lumps(tmp_path: Path, inner: str) -> None:
+    outer = "" if inner else "as: lump,"
+    keys = ("arm.hand: closed", "arm.hand.left: 3 deg", "'arm.*': 3 deg", "arm.hand: none", "art.hand: closed", "art.hand.left: 3 deg")
+    stand = STAND.replace("OUTER", outer).replace("pose: p", "pose: p0").replace("p: {arm.hand: closed}", ", ".join(
+        f"p{number}: {{{key}}}" for number, key in enumerate(keys)
+    ))
+    said = compiled(tmp_path, {"stand.yaml": stand, "arm.yaml": ARM.replace("INNER", inner), "gripper.yaml": GRIPPER}).said
+    assert [one[:2] for one in said] == [
+        ("TC304", "there is no joint or nested assembly `art.hand`"), ("TC304", "there is no joint `art.hand.left`"),
+    ]
 
 
 def test_assembly_graph_distinguishes_lumps_from_the_moving_assembly(tmp_path: Path, lumped: Built) -> None:

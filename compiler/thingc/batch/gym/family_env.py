@@ -262,9 +262,9 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         """
         refused: NoModel | None = None
         for _ in range(DRAWS if variant is None else 1):
-            morphologies = [self._morphologies.draw(self._source(k), variant) for k in worlds]
-            keys, remaining = [key for key, _ in morphologies], []
-            for k, key, morphology in zip(worlds, keys, self._morphologies.get_many(keys, [settings for _, settings in morphologies])):
+            draws = [self._morphologies.draw(self._source(k), variant) for k in worlds]
+            keys, remaining = [key for key, _ in draws], []
+            for k, key, morphology in zip(worlds, keys, self._morphologies.get_many(keys, [settings for _, settings in draws])):
                 if isinstance(morphology, NoModel):
                     refused = morphology
                     self.refused[morphology.reason] += 1

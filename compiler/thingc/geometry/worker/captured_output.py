@@ -44,10 +44,10 @@ class _LimitedFile(io.RawIOBase):
 
     def write(self, data: Buffer, /) -> int:
         output = bytes(data)
-        text, self._room = output[: self._room], self._room - min(self._room, len(output))
-        if text:
+        kept, self._room = output[: self._room], self._room - min(self._room, len(output))
+        if kept:
             with contextlib.suppress(OSError), open(self._path, "ab") as stream:
-                stream.write(text)
+                stream.write(kept)
         return len(output)
 
 

@@ -55,8 +55,8 @@ class CollisionMatrix(FrozenStruct):
 
     The table contains, for each pair, the number of configurations out of `samples` in which the links collide. Pairs of links that never
     collide are omitted. `at` contains the pairs that collide in each named configuration. `apart` contains the pairs that were compared in
-    all configurations: True for a pair that never collides, and False for a pair that collides between the samples. The two names in a
-    pair are sorted.
+    all configurations: True for a pair that never collides, and False for a pair that collides between the samples, or that a floating
+    joint moves. The two names in a pair are sorted.
     """
 
     samples: int
@@ -88,7 +88,8 @@ def collision_matrix(
     collision_tree, mesh_files = _collisions_only(tree, meshes)
     used = {mesh.file: mesh for mesh in assets if mesh.file in mesh_files}
     text = write(collision_tree, "What collides.").text
-    inputs = [mujoco_version(), SAMPLES, SEED, text, {file: mesh.mesh.sha256 for file, mesh in used.items()}, starts, sorted(neighbours)]
+    digests, islands = {file: mesh.mesh.sha256 for file, mesh in used.items()}, _islands(tree)
+    inputs = [mujoco_version(), SAMPLES, SEED, text, digests, starts, sorted(neighbours), islands]
     key = hashlib.sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
     result = store.get_json(DOCUMENT_KIND, key)
     if result is None:
@@ -103,7 +104,7 @@ def collision_matrix(
         result = {
             "samples": sampler.samples, "counts": [[*pair, count] for pair, count in sorted(counts.items())],
             "at": {name: sorted(pairs) for name, pairs in by_configuration.items()},
-            "apart": [[*pair, apart] for pair, apart in sampler.compare_always({*counts, *neighbours})],
+            "apart": [[*pair, apart] for pair, apart in sampler.compare_always({*counts, *neighbours}, islands)],
         }
         store.put_json(DOCUMENT_KIND, key, result)
     return CollisionMatrix(
@@ -111,6 +112,21 @@ def collision_matrix(
         at={name: frozenset((first, second) for first, second in pairs) for name, pairs in result["at"].items()},
         apart={(first, second): apart for first, second, apart in result["apart"]},
     )
+
+
+def _islands(tree: Element) -> dict[str, str]:
+    """Return the root link of the part of a URDF that contains a link, if floating joints divide the URDF into parts, by link."""
+    parents: dict[str, str] = {}
+    for joint in tree.children:
+        if joint.tag == "joint" and joint.get("type") != "floating":
+            ends = {child.tag: child.get("link") for child in joint.children if child.tag in ("parent", "child")}
+            parents[ends["child"]] = ends["parent"]
+    roots: dict[str, str] = {}
+    for name in (link.get("name") for link in tree.children if link.tag == "link"):
+        roots[name] = name
+        while roots[name] in parents:
+            roots[name] = parents[roots[name]]
+    return roots
 
 
 def _collisions_only(tree: Element, meshes: str) -> tuple[Element, set[str]]:
@@ -155,7 +171,7 @@ class _Sampler:
 
     `free` contains the independent joints. Each entry k of qpos is `multiplier[k] * q[leader[k]] + offset[k]`, where q contains the
     positions of the independent joints. Row k of `ranges` contains the limits of the independent joint k, or one turn if it has no limits
-    (`unlimited`).
+    (`unlimited`). `turns` contains whether it rotates.
     """
 
     def __init__(self, text: str, assets: Mapping[str, bytes], tree: Element, neighbours: Collection[Pair]) -> None:
@@ -178,9 +194,11 @@ class _Sampler:
             address = self.model.joint(name).qposadr[0]
             self.leader[address] = columns[mimic_values["joint"]]
             self.multiplier[address], self.offset[address] = float(mimic_values["multiplier"]), float(mimic_values["offset"])
+        self.turns = np.array([joint.get("type") != "prismatic" for joint in self.free.values()], bool)
         self.samples = SAMPLES if self.free else 1
         self.ranges = np.array([self._sampled_range(joint) for joint in self.free.values()]).reshape(-1, 2)
-        self.unlimited = np.array([_limits(joint) != tuple(ends) for joint, ends in zip(self.free.values(), self.ranges, strict=True)])
+        unlimited = [_limits(joint) != tuple(ends) for joint, ends in zip(self.free.values(), self.ranges, strict=True)]
+        self.unlimited = np.array(unlimited, bool)
 
     def counts(self) -> dict[Pair, int]:
         """Return the number of configurations in which each pair of links collides. Independent joints are sampled between their limits."""
@@ -191,16 +209,17 @@ class _Sampler:
         """Return the pairs of links that collide in one configuration. `q` contains the values of the joints, by name."""
         return self._count_collisions(np.array([[q[name] for name in self.free]])).keys()
 
-    def compare_always(self, skipped: Collection[Pair]) -> Iterator[tuple[Pair, bool]]:
+    def compare_always(self, skipped: Collection[Pair], islands: Mapping[str, str]) -> Iterator[tuple[Pair, bool]]:
         """Yield pairs of links and whether they are apart in all configurations, until `MOST` configurations have been compared.
 
-        Pairs in `skipped`, and pairs that move in too many ways, are omitted.
+        Pairs in `skipped`, and pairs that move in too many ways, are omitted. Links in different `islands` can collide.
         """
         configurations = iter(range(MOST))
         bodies = {self.model.body(body).name: body for body in set(self.model.geom_bodyid.tolist())}
         for first, second in combinations(sorted(bodies), 2):
             if (first, second) not in skipped:
-                apart = self._are_apart(bodies[first], bodies[second], configurations)
+                together = islands[first] == islands[second]
+                apart = self._are_apart(bodies[first], bodies[second], configurations) if together else False
                 if apart is not None:
                     yield (first, second), apart
 
@@ -220,7 +239,7 @@ class _Sampler:
         addresses, hinge = model.jnt_qposadr[joints], model.jnt_type[joints] == int(mujoco.mjtJoint.mjJNT_HINGE)
         leader, multiplier = self.leader[addresses], self.multiplier[addresses]
         moving = np.unique(leader)
-        if len(moving) > PROVED or (self.unlimited[leader] & ~(hinge & (multiplier % 1.0 == 0.0))).any():
+        if len(moving) > PROVED or (self.unlimited[leader] & ~(self.turns[leader] & hinge & (multiplier % 1.0 == 0.0))).any():
             return None
         low, high = self.ranges.T if self.free else np.zeros((2, 1))
         geoms = np.array([(a, b) for a in self._geoms(first) for b in self._geoms(second)])
@@ -295,7 +314,6 @@ class _Sampler:
         if lower <= -UNBOUNDED:
             return upper - span, upper
         return (lower, lower + span) if upper >= UNBOUNDED else (lower, upper)
-
 
 
 def _limits(joint: Element) -> tuple[float, float]:
