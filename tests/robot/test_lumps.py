@@ -202,6 +202,14 @@ def test_diff_shows_the_mass_of_a_lump_instead_of_the_text_of_its_base(lumped: B
     assert [(one.value, one.written) for one in masses] == [(0.431, "431 g"), (pytest.approx(0.6654, rel=1e-12), None)]
 
 
+def test_lump_without_mass_adds_only_mounts(tmp_path: Path) -> None:
+    arm = "thingc: assembly/1\nname: arm\ncomponents: {post: {frame: true, mounts: {foot: {}}}}\nmounts: {foot: post.foot}\n"
+    stand = STAND.replace("OUTER mirror: x", "as: lump").replace("p: {arm.hand: closed}", "p: {}")
+    built = compiled(tmp_path, {"stand.yaml": stand, "arm.yaml": arm})
+    assert not built.said and built.model("bench").body("base").mass == 10.0
+    assert np.allclose(at_key(built.model("bench"), "p").site("arm/foot").xpos, [0.0, 0.02, 0.05])
+
+
 def test_bill_of_materials_lists_a_lump_as_one_part(lumped: Built) -> None:
     from thingc.targets.bom.emit import items
 

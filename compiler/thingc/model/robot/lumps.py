@@ -87,11 +87,12 @@ def _lump(
             values = {**asdict(mount), "pose": poses[exported.occurrence] @ own, "origin": exported.origin}
             mounts[exported.path] = ExtraMount(**values)
     moments = named_moments(body.inertia)
+    overrides = Overrides(
+        mass=value_of(body.mass), com=value_of(*body.centre), inertia=value_of(*(moments[name] for name in _ORDER)),
+    ) if body.mass > 0.0 else Overrides()
     rigid = Component(
         name=base, key=base, definition=link_of(tuple(_boxes(assembly, poses))), frame=False, placement=None, material=None,
-        overrides=Overrides(
-            mass=value_of(body.mass), com=value_of(*body.centre), inertia=value_of(*(moments[name] for name in _ORDER)),
-        ), mounts=mounts, bom=BomEntry(), origin=next(one.origin for one in nested.components if one.name == base),
+        overrides=overrides, mounts=mounts, bom=BomEntry(), origin=next(one.origin for one in nested.components if one.name == base),
     )
     exports = {name: Reference(path=(base,), mount=name, origin=mount.origin) for name, mount in mounts.items()}
     return replace(
