@@ -39,7 +39,7 @@ def _row(key: str, field: FieldInfo, type_words: str, docstring: str) -> str:
     default = re.search(r"; default: (.*?)(?=\.(\s|$))", docstring, re.DOTALL)
     if default is not None:
         docstring = docstring.replace(default[0], "")
-    value = "required" if field.is_required() else f"`{json.dumps(field.default)}`" if field.default else "none"
+    value = "required" if field.is_required() else "none" if field.default in (None, [], {}) else f"`{json.dumps(field.default)}`"
     cells = [f"`{key}`", type_words, default[1] if default else value, _fragment(docstring)]
     return f"| {' | '.join(' '.join(cell.split()) for cell in cells)} |"
 

@@ -757,18 +757,31 @@ def test_joints_with_an_infinite_range_are_not_proved(tmp_path: Path, first: str
     assert collision_matrix.collision_matrix(tree, "meshes", (), {}, (), Store(str(tmp_path))).apart == {}
 
 
-@pytest.mark.parametrize(("kind", "apart"), [("fixed", True), ("floating", False)])
-def test_pairs_that_a_floating_joint_moves_can_collide(tmp_path: Path, kind: str, apart: bool) -> None:
-    """No joint of the robot has limits. Both results are in one store, and the shapes of both robots are at the same places."""
+@pytest.mark.parametrize(("radius", "counts", "apart"), [(0.01, {}, {("c1", "c2"): True}), (0.2, {("c1", "c2"): 1}, {})])
+def test_pairs_that_a_floating_joint_moves_never_have_a_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, radius: float, counts: dict[str, int], apart: dict[str, bool],
+) -> None:
+    """The shapes of both robots are at the same places, and their matrices are in one store."""
+    monkeypatch.setattr(collision_matrix, "SAMPLES", 1)
+    store, matrices = Store(str(tmp_path)), {}
+    for kind in ("fixed", "floating"):
+        links = "".join(sphere(k, "0 0 0", radius) for k in range(3))
+        joints = "".join(
+            f'<joint name="j{k}" type="{moves}"><origin xyz="{0.1 * k} 0 0"/><parent link="c0"/><child link="c{k}"/><axis xyz="0 0 1"/>'
+            f"{limit(-0.1, 0.1)}</joint>" for k, moves in ((1, kind), (2, "revolute"))
+        )
+        tree = element(ElementTree.fromstring(f'<robot name="r">{links}{joints}</robot>'))
+        matrices[kind] = collision_matrix.collision_matrix(tree, "meshes", (), {}, (("c0", "c1"), ("c0", "c2")), store)
+    assert (matrices["fixed"].counts, matrices["fixed"].apart) == (counts, apart)
+    assert (matrices["floating"].counts, matrices["floating"].apart) == ({}, {("c1", "c2"): False})
+
+
+def test_free_bodies_without_other_joints_have_no_disabled_pairs(tmp_path: Path) -> None:
     links = "".join(sphere(k, "0 0 0", 0.01) for k in range(3))
-    joints = "".join(
-        f'<joint name="j{k}" type="{kind}"><origin xyz="{0.1 * k} 0 0"/><parent link="c0"/><child link="c{k}"/></joint>' for k in (1, 2)
-    )
-    tree, store = element(ElementTree.fromstring(f'<robot name="r">{links}{joints}</robot>')), Store(str(tmp_path))
-    other = element(ElementTree.fromstring(f'<robot name="r">{links}{joints.replace(kind, "fixed")}</robot>'))
-    neighbours = (("c0", "c1"), ("c0", "c2"))
-    assert collision_matrix.collision_matrix(other, "meshes", (), {}, neighbours, store).apart == {("c1", "c2"): True}
-    assert collision_matrix.collision_matrix(tree, "meshes", (), {}, neighbours, store).apart == {("c1", "c2"): apart}
+    joints = "".join(f'<joint name="j{k}" type="floating"><parent link="c0"/><child link="c{k}"/></joint>' for k in (1, 2))
+    tree = element(ElementTree.fromstring(f'<robot name="r">{links}{joints}</robot>'))
+    matrix = collision_matrix.collision_matrix(tree, "meshes", (), {}, (), Store(str(tmp_path)))
+    assert matrix.counts == {} and matrix.apart == dict.fromkeys(itertools.combinations(("c0", "c1", "c2"), 2), False)
 
 
 def test_excluded_pairs_have_reason_user(tmp_path: Path) -> None:

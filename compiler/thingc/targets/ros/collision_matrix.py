@@ -54,9 +54,9 @@ class CollisionMatrix(FrozenStruct):
     """A collision matrix: a table of the pairs of links that collide.
 
     The table contains, for each pair, the number of configurations out of `samples` in which the links collide. Pairs of links that never
-    collide are omitted. `at` contains the pairs that collide in each named configuration. `apart` contains the pairs that were compared in
-    all configurations: True for a pair that never collides, and False for a pair that collides between the samples, or that a floating
-    joint moves. The two names in a pair are sorted.
+    collide, or that a floating joint moves, are omitted. `at` contains the pairs that collide in each named configuration. `apart` contains
+    the pairs that were compared in all configurations: True for a pair that never collides, and False for a pair that collides between the
+    samples, or that a floating joint moves. The two names in a pair are sorted.
     """
 
     samples: int
@@ -97,7 +97,7 @@ def collision_matrix(
 
         try:
             sampler = _Sampler(text, {file: store.read(mesh.mesh.sha256) for file, mesh in used.items()}, collision_tree, neighbours)
-            counts = sampler.counts()
+            counts = {pair: count for pair, count in sampler.counts().items() if islands[pair[0]] == islands[pair[1]]}
             by_configuration = {name: sampler.at(q) for name, q in starts.items()}
         except mujoco.FatalError as fault:
             raise ValueError(str(fault)) from None
