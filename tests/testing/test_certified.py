@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from manifold3d import Manifold
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -18,8 +19,9 @@ from thingc.driver.environment import Environment, Options
 from thingc.model.resolve.types import JointRange
 from thingc.model.robot.types import Keyframe
 from thingc.model.solids import clearance
-from thingc.model.solids.clearance import ComparedPair, Sweep, body_of, prove
-from thingc.model.solids.shapes import solid_of
+from thingc.model.solids.clearance import BoundedSolid, ComparedPair, Sweep, body_of, prove
+from thingc.model.solids.contact_cells import divide, joint_bounds
+from thingc.model.solids.shapes import Solid, solid_of
 
 Array = NDArray[np.float64]
 
@@ -310,3 +312,70 @@ class Rotor(Thing):
     answer = rig.test(text, tests)
     assert [result["passed"] for result in answer["tests"]] == [False, True, True], answer["diagnostics"]
     assert "turn 11" in collisions(answer)[0] and answer["by_name"]["half"]["measured"]["certificate"]["contact"]
+
+
+def solid(whole: Manifold) -> Solid:
+    return Solid(whole, ((whole, 0.0),))
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_parts_in_contact_at_a_joint_are_compared_in_cells(kind: str, tmp_path: Path) -> None:
+    """A plate and a hub touch in all positions, and each carries a random box away from the contact. The oracle is the volume of the
+    intersection in a grid of positions, and in the position that is reported."""
+    turns = kind == "revolute"
+    (end, unit), ball = (2.0, "rad") if turns else (0.02, "m"), "{link: true, mass: 1 g, shapes: [{sphere: {radius: 1 mm}}]"
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (document := tmp_path / "cells.yaml").write_text(
+        "thingc: assembly/1\nname: cells\ncomponents:\n  ground: {frame: true, mounts: {hinge: {}}}\n"
+        f"  plate: {ball}, at: {{in: ground.origin, xyz: 5 -7 3 mm}}}}\n  hub: {ball}}}\njoints:\n"
+        f"  move: {{type: {kind}, parent: ground.hinge, child: hub.origin, limit: {{lower: -{end} {unit}, upper: {end} {unit}}}}}\n"
+        "modes: {bench: {root: ground}}\n"
+    )
+    with Environment(str(document), Options()) as environment:
+        compilation = pipeline.compile(environment)
+        assert compilation.assembly is not None, compilation.report.diagnostics
+        robot = compilation.robots[0]
+    index = {one.path: one.index for one in robot.assembly.occurrences}
+    sweep = Sweep(robot, Keyframe(name="zero", q={"move": 0.0}, origin=()), (JointRange(joint="move", lower=-end, upper=end),))
+    places = [place for q in np.linspace(-end, end, 81).tolist() if (place := sweep.place({0: q})) is not None]
+    poses = [places[40].at(index[name]).inverse() for name in ("plate", "hub")]
+    source, counts = np.random.default_rng(39), {"touches": 0, "contact": 0}
+    for _ in range(6 if turns else 12):
+        solids = []
+        # The plate is below z = 0, and the hub above. For a slide, both are turned, so that the normal of the contact is x.
+        # Two posts that do not collide make all cells higher, so that cells of the first level contain contacts and boxes.
+        for corner, size, post in (((-20, -20, -2), (40, 40, 2), -19.5), ((-15, -15, 0), (30, 30, 1), -0.5)):
+            box = source.uniform([1.0, 1.0, 1.0], [20.0, 20.0, 3.0])
+            at = [*source.uniform(-20.0, 20.0, 2) - box[:2] / 2.0, source.uniform(1.2, 4.0)]
+            made = Manifold.cube(size).translate(corner) + Manifold.cube((1, 1, 12)).translate((post, post, 0))
+            made += Manifold.cube(box.tolist()).translate(at)
+            solids.append(solid(made.rotate((0.0, 0.0 if turns else 90.0, 0.0)).scale([1e-3] * 3)))
+        plate, hub = (BoundedSolid(one.at(pose), 0.0) for one, pose in zip(solids, poses, strict=True))
+        pair = ComparedPair(index["plate"], index["hub"], (plate, hub), True, 0.0, 1e-5)
+        most = max(place.overlap(pair)[0] for place in places)
+        assert divide(sweep, pair)
+        counts[pair.verdict] += 1
+        if pair.verdict == "touches":
+            assert (place := sweep.place({0: pair.q["move"]})) is not None and place.overlap(pair)[0] > 1e-13
+        else:
+            assert pair.verdict == "contact" and most < 1e-9, most
+    assert min(counts.values()) > 0, counts
+
+
+def test_bounds_contain_all_points_of_triangles() -> None:
+    """Triangles are sampled densely. The axis passes through some of them, and the others come close to it inside of an edge or at a
+    corner."""
+    source = np.random.default_rng(40)
+    weights = source.dirichlet([0.4] * 3, 20_000)
+    axis = 0
+    for _ in range(60):
+        corners = source.uniform(-1.0, 1.0, (1, 3, 3))
+        points = weights @ corners[0]
+        radii = np.hypot(points[:, 0], points[:, 1])
+        low, high = joint_bounds(corners, turns=True)
+        assert low[0] - 1e-12 <= radii.min() < low[0] + 0.02 and radii.max() - 1e-12 <= high[0] < radii.max() + 0.02
+        axis += low[0] == 0.0
+        assert np.allclose([low[1], high[1]], [corners[:, :, 2].min(), corners[:, :, 2].max()])
+        low, high = joint_bounds(corners, turns=False)
+        assert np.allclose([low, high], [corners.min(axis=(0, 1))[:2], corners.max(axis=(0, 1))[:2]])
+    assert 5 < axis < 40

@@ -1,7 +1,8 @@
 """Divide two parts that are in contact at a joint, so that the rest of the parts is compared in all positions.
 
 A ring around the axis of a hinge, and a prism along a slide, do not change when the joint moves. Two parts can therefore touch only inside
-the same ring or prism. Rings in which the parts are always in contact are divided further.
+the same ring or prism. Rings in which the parts are always in contact are divided further. If the heights or radii of the parts in a ring
+do not overlap, the parts are clear there in all positions. If they overlap by less than `SKIN`, the parts can only touch there.
 """
 
 from __future__ import annotations
@@ -15,15 +16,15 @@ from numpy.typing import NDArray
 
 from thingc.base.joints.twist import Twist
 from thingc.base.pose import Pose, along
-from thingc.model.solids.clearance import SKIN, BoundedSolid, ComparedPair, Place, Sweep, prove
+from thingc.model.solids.clearance import SKIN, TOUCH, BoundedSolid, ComparedPair, Place, Sweep, prove
 from thingc.model.solids.shapes import Solid
 
 FACETS = 64
 """Number of facets of a ring. A ring with facets contains the exact ring."""
-LEVELS = 2
-"""Number of times that a quarter in which parts are in contact is divided into four cells."""
-PATIENCE = 8
-"""Number of positions in which the parts must be in contact in a cell before the cell is divided."""
+PATIENCE = (0, 1, 8)
+"""Number of positions in which the parts are compared in a cell before the cell is divided into four cells, by level. If the parts are in
+contact in all of these positions in a cell of the last level, they count as in contact there.
+"""
 
 MARGIN = 1e-4
 """Smallest distance [m] by which the cells extend beyond the parts, so that they contain contacts at the end of a part."""
@@ -47,18 +48,35 @@ def divide(sweep: Sweep, pair: ComparedPair) -> bool:
     if place is None or len(twists) != 1 or twists[0].pitch or place.gap(pair, pair.error + SKIN) >= pair.error + SKIN:
         return False
     cells = _Cells(place, pair, twists[0], 2.0 * half)
-    waiting = [(bounds, pair) for bounds in _quarters(cells.bounds)]
-    for _ in range(LEVELS):
-        parts = [(cell, part) for bounds, whole in waiting for cell in _quarters(bounds) if (part := cells.cut(whole, cell)) is not None]
-        prove(sweep, [part for _, part in parts])
-        worst = max((part for _, part in parts if part.verdict == "touches"), key=lambda part: part.depth, default=None)
+    waiting = [(cells.bounds, pair)]
+    for patience in PATIENCE:
+        parts = [part for bounds, whole in waiting for cell in _quarters(bounds) for part in cells.cut(whole, cell, patience)]
+        prove(sweep, [part for _, part, _ in parts])
+        worst = max((part for _, part, _ in parts if part.verdict == "touches"), key=lambda part: part.depth, default=None)
         if worst is not None:
             pair.found, pair.gap = True, 0.0
             pair.depth, pair.volume, pair.q = worst.depth, worst.volume, worst.q
             break
-        waiting = [(cell, part) for cell, part in parts if part.verdict != "clear"]
-    pair.near = bool(waiting)
+        pair.near |= any(thin and part.verdict != "clear" for _, part, thin in parts)
+        waiting = [(cell, part) for cell, part, thin in parts if part.verdict != "clear" and not thin]
+    pair.near |= bool(waiting)
     return True
+
+
+def joint_bounds(corners: NDArray[np.float64], turns: bool) -> NDArray[np.float64]:
+    """Return the bounds (2 x 2: low, high) [m] of triangles with the given corners (n x 3 x 3) in the frame of a joint.
+
+    The coordinates are the radius and the height for a hinge (`turns`), and x and y for a slide. The joint does not change them.
+    """
+    flat = corners[:, :, :2]
+    if not turns:
+        return np.stack([flat.min(axis=(0, 1)), flat.max(axis=(0, 1))])
+    edges = np.roll(flat, -1, axis=1) - flat
+    part = np.clip(-(flat * edges).sum(axis=2) / np.maximum((edges**2).sum(axis=2), 1e-30), 0.0, 1.0)  # nearest points of the edges
+    sides = np.sign(flat[:, :, 0] * edges[:, :, 1] - flat[:, :, 1] * edges[:, :, 0]).sum(axis=1)
+    low = 0.0 if (np.abs(sides) == 3.0).any() else np.linalg.norm(flat + part[:, :, None] * edges, axis=2).min()
+    heights = corners[:, :, 2]
+    return np.array([[low, heights.min()], [np.linalg.norm(flat, axis=2).max(), heights.max()]])
 
 
 def _quarters(bounds: Bounds) -> Iterator[Bounds]:
@@ -79,21 +97,25 @@ class _Cells:
         self.turns = twist.turns
         frame = along(twist.axis, twist.anchor)
         self.poses = [place.at(part).inverse() @ frame for part in (pair.one, pair.other)]
-        points = [self._points(body, pose.inverse()) for body, pose in zip(pair.bodies, self.poses, strict=True)]
-        self.length = 2.0 * (max(float(np.abs(each).max()) for each in points) + motion)
-        if self.turns:
-            points = [np.stack([np.hypot(each[:, 0], each[:, 1]), each[:, 2]], axis=1) for each in points]
+        corners = [self._corners(body.solid.whole, pose) for body, pose in zip(pair.bodies, self.poses, strict=True)]
+        self.length = 2.0 * (max(float(np.abs(each).max()) for each in corners) + motion)
         margin = max(pair.error, MARGIN)
-        low = np.max([each.min(axis=0) for each in points], axis=0) - margin
-        high = np.min([each.max(axis=0) for each in points], axis=0) + margin
+        lows, highs = zip(*(joint_bounds(each, self.turns) for each in corners), strict=True)
+        low, high = np.max(lows, axis=0) - margin, np.min(highs, axis=0) + margin
         self.bounds: Bounds = ((0.0 if self.turns else float(low[0]), float(high[0])), (float(low[1]), float(high[1])))
 
-    def _points(self, body: BoundedSolid, pose: Pose) -> NDArray[np.float64]:
-        points: NDArray[np.float64] = np.asarray(body.solid.whole.to_mesh64().vert_properties)[:, :3]
-        return np.asarray(points @ np.array(pose.rotation).T + np.array(pose.translation))
+    def _corners(self, solid: Manifold, pose: Pose) -> NDArray[np.float64]:
+        """Return the corners (n x 3 x 3) [m] of the triangles of a solid, in the frame of the joint."""
+        mesh, inverse = solid.to_mesh64(), pose.inverse()
+        points = np.asarray(mesh.vert_properties)[:, :3] @ np.array(inverse.rotation).T + np.array(inverse.translation)
+        return np.asarray(points[np.asarray(mesh.tri_verts)])
 
-    def cut(self, pair: ComparedPair, bounds: Bounds) -> ComparedPair | None:
-        """Return a copy of a pair with the parts of its solids inside a cell, or None if one of the solids is empty there."""
+    def cut(self, pair: ComparedPair, bounds: Bounds, patience: int) -> Iterator[tuple[Bounds, ComparedPair, bool]]:
+        """Yield a copy of a pair with the parts of its solids inside a cell, with the cell, and whether the parts can only touch there.
+
+        Yield nothing if one of the solids is empty in the cell, or if the parts are clear there in all positions. The smallest overlap of
+        the bounds of the parts is an upper bound of the mean thickness of their intersection in all positions.
+        """
         (a, b), (c, d) = bounds
         if self.turns:
             cell = Manifold.cylinder(d - c, b / cos(pi / FACETS), -1.0, FACETS).translate((0.0, 0.0, c))
@@ -104,6 +126,12 @@ class _Cells:
         uncut = Solid(cell, ((cell, 0.0),))
         solids = [body.solid.whole ^ uncut.at(pose).whole for body, pose in zip(pair.bodies, self.poses, strict=True)]
         if any(solid.is_empty() for solid in solids):
-            return None
+            return
+        extents = [joint_bounds(self._corners(solid, pose), self.turns) for solid, pose in zip(solids, self.poses, strict=True)]
+        lows, highs = zip(*extents, strict=True)
+        overlap = float((np.min(highs, axis=0) - np.max(lows, axis=0)).min())
+        if overlap < -TOUCH:
+            return
         one, other = (BoundedSolid(Solid(solid, ((solid, 0.0),)), body.error) for solid, body in zip(solids, pair.bodies, strict=True))
-        return ComparedPair(pair.one, pair.other, (one, other), True, 0.0, pair.deep, PATIENCE)
+        thin = overlap <= SKIN
+        yield bounds, ComparedPair(pair.one, pair.other, (one, other), True, 0.0, pair.deep, 1 if thin else patience), thin
