@@ -147,7 +147,7 @@ def test_finding_names_reference_joint_first_angles_and_limits(answer: Any) -> N
     one = finding(answer, "turn")
     assert "`slot` and `pin` overlap by" in one["message"] and "mm^3) at turn " in one["message"]
     check_positions(one, [-contact(9.0, 0.5, 6.0), contact(9.0, 0.5, 5.0)])
-    assert "` at joint `turn`, or cut" in one["help"]
+    assert "` in joint `turn`, or cut" in one["help"]
     assert [note["message"] for note in one["notes"]] == [
         "`slot.hinge` was designed for `slots:Pin`", "joint `turn` connects the two parts",
     ]

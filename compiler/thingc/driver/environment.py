@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Report, Severity
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
+from thingc.base.progress import Progress
 
 if TYPE_CHECKING:
     from thingc.documents.workspace import Workspace
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
     from thingc.geometry.part_source import PartSource
     from thingc.geometry.service import GeometryService
     from thingc.geometry.store.local import Store
-
-Progress = Callable[[str, int, int], None]
-"""Callback `progress(what, done, total)` that shows the progress of building parts."""
 
 Printed = Callable[[str, Sequence[str]], None]
 """Callback `printed(part, lines)`, which is called after a part has been built, with the lines that the part class printed. The lines can

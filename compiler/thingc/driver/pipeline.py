@@ -400,7 +400,7 @@ def request_of(environment: Environment, compilation: Compilation, *, verify: in
     return EmitRequest(
         assembly=_assembly(compilation), robots=compilation.robots, store=environment.store, geometry=geometry,
         workspace=geometry.workspace, report=compilation.report, verify=verify, compat=environment.compat, folder=folder,
-        repeated=compilation.repeated, memo=environment.memo,
+        progress=environment.options.progress, repeated=compilation.repeated, memo=environment.memo,
     )
 
 

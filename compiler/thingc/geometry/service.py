@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from msgspec import convert, to_builtins
 from msgspec.structs import replace
 
+from thingc.base.progress import Progress
 from thingc.documents.workspace import Workspace
 from thingc.geometry.build_reasons import BuildReason, unchanged_reason
 from thingc.geometry.features import Features
@@ -33,7 +34,7 @@ from thingc.geometry.record_json import from_json, record_from_json, with_left
 from thingc.geometry.slice_cache import SliceCache, lacking
 from thingc.geometry.store.build_locks import BuildLocks
 from thingc.geometry.store.local import Store
-from thingc.geometry.worker_calls import Progress, WorkerCalls
+from thingc.geometry.worker_calls import WorkerCalls
 
 if TYPE_CHECKING:
     from thingc.geometry.client import Workers
@@ -57,7 +58,7 @@ Printed = Callable[[str, Sequence[str]], None]
 class GeometryService:
     """Provides the part schemas, part records and STEP files of one workspace. On exit, this context manager ends its workers.
 
-    At most `jobs` parts are built at the same time. Each part may take at most `timeout` [s]. `on_progress(what, done, total)` is called
+    At most `jobs` parts are built at the same time. Each part may take at most `timeout` [s]. `on_progress` is called
     for each part, and `on_printed(part, lines)` with the lines that a part printed.
 
     After `realize`, `wanted` contains the requested definitions, and `decisions` contains the reasons for building or reusing them, by

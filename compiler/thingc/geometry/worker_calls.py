@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import time
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
+from thingc.base.progress import Progress
 from thingc.documents.workspace import Workspace
 from thingc.geometry.record import AssemblyFailed, PartFailure
 from thingc.geometry.record_json import full
@@ -16,8 +18,6 @@ from thingc.geometry.store.local import Store, StoreUnusable
 if TYPE_CHECKING:
     from thingc.geometry.client import Workers
 
-Progress = Callable[[str, int, int], None]
-
 _FRAME = re.compile(r'^\s*File "(?P<file>.+?)", line (?P<line>\d+)', re.MULTILINE)
 
 
@@ -25,7 +25,7 @@ class WorkerCalls:
     """The requests of one geometry service to its workers, each with a time limit of `timeout` [s].
 
     `workers` are shared workers, which `close` does not end, or None. In this case, own workers for `jobs` parts at a time are started with
-    the Python hash seed `seed` when they are first needed. `on_progress(what, done, total)` is called for each answer.
+    the Python hash seed `seed` when they are first needed. `on_progress` is called for each answer.
     """
 
     def __init__(
@@ -70,12 +70,13 @@ class WorkerCalls:
             return
         from thingc.geometry.client import WorkerBroken
 
-        self._progress(what, 0, len(requests))
+        started = time.monotonic()
+        self._progress(what, 0, len(requests), 0.0)
         answered: set[int] = set()
         try:
             for done, (request, answer) in enumerate(self.pool().run(chain((first,), source)), 1):
                 answered.add(id(request))
-                self._progress(what, done, len(requests))
+                self._progress(what, done, len(requests), time.monotonic() - started)
                 if answer.get("failed") == "unusable":
                     raise StoreUnusable(self.store.root, answer["message"])
                 yield request, answer
@@ -125,6 +126,6 @@ class WorkerCalls:
                 return match["file"], int(match["line"])
         return None, None
 
-    def _progress(self, what: str, done: int, total: int) -> None:
+    def _progress(self, what: str, done: int, total: int, seconds: float) -> None:
         if self._on_progress is not None and what:
-            self._on_progress(what, done, total)
+            self._on_progress(f"{what} parts", done, total, seconds)

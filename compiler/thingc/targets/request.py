@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
+from thingc.base.progress import Progress
 from thingc.documents.workspace import Workspace
 from thingc.geometry.service import GeometryService
 from thingc.geometry.store.local import Store
@@ -23,8 +24,9 @@ class EmitRequest(FrozenStruct, eq=False):
     `assembly` is the robot before a root is selected. `robots` contains one robot for each chosen mode, in the order of the document.
     `store` contains the meshes, `geometry` writes STEP files, and `report` collects diagnostics. `verify` controls how many models MuJoCo
     compiles: one out of every `verify` models that differ only in numbers (1: all, 0: none). `compat` names additional programs that will
-    read the MuJoCo models. `folder` is the absolute path of the build folder (None if unknown). `repeated` is True if a process handles
-    many similar requests. If `repeated` is True, the results of a single request are not cached.
+    read the MuJoCo models. `folder` is the absolute path of the build folder (None if unknown). `progress` shows the progress of long
+    computations. `repeated` is True if a process handles many similar requests. If `repeated` is True, the results of a single request are
+    not cached.
     """
 
     assembly: Assembly
@@ -36,6 +38,7 @@ class EmitRequest(FrozenStruct, eq=False):
     verify: int = 1
     compat: tuple[str, ...] = ()
     folder: str | None = None
+    progress: Progress | None = None
     repeated: bool = False
     memo: Memo = field(default_factory=Memo)
     """A cache of results for all modes. In a session, the cache is used for all requests."""

@@ -16,8 +16,8 @@ from thingc.model.assembly.links import joined_links
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.model.resolve.types import JointRange
 from thingc.model.robot.types import Keyframe, Robot
-from thingc.model.solids.clearance import PROVED, BoundedSolid, ComparedPair, Sweep, body_of, prove, sample
-from thingc.model.solids.contact_cells import divide
+from thingc.model.solids.clearance import PROVED, BoundedSolid, ComparedPair, Sweep, body_of, sample
+from thingc.model.solids.contact_cells import prove_pairs
 from thingc.model.solids.overlaps import Overlaps, contact_places, reason_to_skip
 from thingc.model.solids.shapes import Solid, Solids
 from thingc.targets.request import EmitRequest
@@ -62,7 +62,7 @@ class Collisions:
 
     def __init__(self, request: EmitRequest) -> None:
         self.assembly, self.overlaps = request.assembly, Overlaps(request.store, request.workspace.mesh.linear, request.memo)
-        self._report, shapes = request.report, Solids(request.store)
+        self._report, self.progress, shapes = request.report, request.progress, Solids(request.store)
         self._solids = {part.index: solid for part in self.assembly.occurrences if (solid := shapes.solid(part)) is not None}
         self._bodies: dict[str, BoundedSolid] = {}
         joined, link_of = {_sort_pair(*pair) for pair in joined_links(self.assembly)}, self.assembly.link_of
@@ -140,7 +140,7 @@ class Collisions:
         sweep, moving = self.moving_pairs(robot, start, check.ranges, check.clearance)
         pairs = [pair for pair in moving if only is None or (pair.one, pair.other) in only]
         sampled = [pair for pair in pairs if len(sweep.moving(pair.one, pair.other)[0]) > PROVED]
-        prove(sweep, [pair for pair in pairs if pair not in sampled and not divide(sweep, pair)])
+        prove_pairs(sweep, [pair for pair in pairs if pair not in sampled], self.progress)
         missing = sample(sweep, sampled, quasi_random(check.samples, len(check.ranges)).tolist()) if sampled else 0
         return pairs, missing
 

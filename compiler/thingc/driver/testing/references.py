@@ -12,8 +12,8 @@ from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.types import JointRange
 from thingc.model.robot.types import Keyframe, Robot
-from thingc.model.solids.clearance import ComparedPair, Sweep, prove
-from thingc.model.solids.contact_cells import divide
+from thingc.model.solids.clearance import ComparedPair, Sweep
+from thingc.model.solids.contact_cells import prove_pairs
 
 Notes = tuple[Note, ...]
 
@@ -62,7 +62,7 @@ def first_overlaps(robot: Robot, frame: Keyframe, ranges: Sequence[JointRange], 
         low, high = sorted((position(start), position(end)))
         sweep = Sweep(robot, frame, [JointRange(joint=joint_range.joint, lower=low, upper=high)])
         copies = [replace(pair, gap=inf, depth=0.0, found=False, apart=False, near=False, seen=0) for pair in joint_pairs]
-        prove(sweep, [pair for pair in copies if not divide(sweep, pair)])
+        prove_pairs(sweep, copies)
         return any(pair.verdict == "touches" for pair in copies)
 
     ends = floor(joint_range.lower / step), ceil(joint_range.upper / step)

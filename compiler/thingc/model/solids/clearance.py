@@ -22,6 +22,7 @@ from thingc.base.joints.twist import Twist
 from thingc.base.numeric import dist, hypot, inf, sum_of
 from thingc.base.pose import Pose, Vector
 from thingc.base.primitives import Primitive
+from thingc.base.progress import Counter
 from thingc.model.assembly.kinematics import coordinates, joints_of, leaders
 from thingc.model.assembly.types import Occurrence
 from thingc.model.resolve.coordinates import Mimic
@@ -400,8 +401,8 @@ def _encloses(outer: tuple[Vector, Vector], inner: tuple[Vector, Vector]) -> boo
     return all(a < b and c > d for a, b, c, d in zip(outer[0], inner[0], outer[1], inner[1], strict=True))
 
 
-def prove(sweep: Sweep, pairs: Collection[ComparedPair]) -> None:
-    """Compare pairs in all positions of the ranges that move them, and record the results in the pairs."""
+def prove(sweep: Sweep, pairs: Collection[ComparedPair], counter: Counter | None = None) -> None:
+    """Compare pairs in all positions of the ranges that move them, and record the results in the pairs. `counter` counts the pairs."""
     groups: dict[frozenset[int], list[ComparedPair]] = {}
     for pair in pairs:
         moving, looped = sweep.moving(pair.one, pair.other)
@@ -411,8 +412,14 @@ def prove(sweep: Sweep, pairs: Collection[ComparedPair]) -> None:
         ends = {k: (sweep.ranges[k].lower, sweep.ranges[k].upper) for k in sorted(moving)}
         middle, half = ({k: (high + sign * low) / 2.0 for k, (low, high) in ends.items()} for sign in (1.0, -1.0))
         waiting = deque([Box(middle, half, group, None)])
+        boxes = dict.fromkeys(group, 1)  # number of waiting boxes by pair
         while waiting:
-            waiting.extend(_compare_in_box(sweep, waiting.popleft()))
+            box = waiting.popleft()
+            waiting.extend(halves := [*_compare_in_box(sweep, box)])
+            for pair in box.pairs:
+                boxes[pair] += [pair in half.pairs for half in halves].count(True) - 1
+            if counter is not None:
+                counter.add([boxes[pair] for pair in box.pairs].count(0))
 
 
 def _compare_in_box(sweep: Sweep, box: Box) -> Iterator[Box]:

@@ -7,7 +7,7 @@ do not overlap, the parts are clear there in all positions. If they overlap by l
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import cos, pi
 
 import numpy as np
@@ -15,7 +15,8 @@ from manifold3d import Manifold
 from numpy.typing import NDArray
 
 from thingc.base.joints.twist import Twist
-from thingc.base.pose import Pose, along
+from thingc.base.pose import along
+from thingc.base.progress import Counter, Progress
 from thingc.model.solids.clearance import SKIN, TOUCH, BoundedSolid, ComparedPair, Place, Sweep, prove
 from thingc.model.solids.shapes import Solid
 
@@ -30,6 +31,18 @@ MARGIN = 1e-4
 """Smallest distance [m] by which the cells extend beyond the parts, so that they contain contacts at the end of a part."""
 
 Bounds = tuple[tuple[float, float], tuple[float, float]]
+
+
+def prove_pairs(sweep: Sweep, pairs: Sequence[ComparedPair], progress: Progress | None = None) -> None:
+    """Compare pairs in all positions, except for the cells in which parts at a joint are always in contact. Show the progress."""
+    counter = Counter(progress, "proving pairs", len(pairs))
+    others: list[ComparedPair] = []
+    for pair in pairs:
+        if divide(sweep, pair):
+            counter.add()
+        else:
+            others.append(pair)
+    prove(sweep, others, counter)
 
 
 def divide(sweep: Sweep, pair: ComparedPair) -> bool:
@@ -97,18 +110,20 @@ class _Cells:
         self.turns = twist.turns
         frame = along(twist.axis, twist.anchor)
         self.poses = [place.at(part).inverse() @ frame for part in (pair.one, pair.other)]
-        corners = [self._corners(body.solid.whole, pose) for body, pose in zip(pair.bodies, self.poses, strict=True)]
-        self.length = 2.0 * (max(float(np.abs(each).max()) for each in corners) + motion)
-        margin = max(pair.error, MARGIN)
-        lows, highs = zip(*(joint_bounds(each, self.turns) for each in corners), strict=True)
-        low, high = np.max(lows, axis=0) - margin, np.min(highs, axis=0) + margin
+        low, high, length = self._shared_bounds([body.solid.whole for body in pair.bodies])
+        self.length = 2.0 * (length + motion)
+        low, high = low - (margin := max(pair.error, MARGIN)), high + margin
         self.bounds: Bounds = ((0.0 if self.turns else float(low[0]), float(high[0])), (float(low[1]), float(high[1])))
 
-    def _corners(self, solid: Manifold, pose: Pose) -> NDArray[np.float64]:
-        """Return the corners (n x 3 x 3) [m] of the triangles of a solid, in the frame of the joint."""
-        mesh, inverse = solid.to_mesh64(), pose.inverse()
-        points = np.asarray(mesh.vert_properties)[:, :3] @ np.array(inverse.rotation).T + np.array(inverse.translation)
-        return np.asarray(points[np.asarray(mesh.tri_verts)])
+    def _shared_bounds(self, solids: Sequence[Manifold]) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+        """Return the bounds (low, high) [m] that are shared by the two solids, and the largest coordinate of their corners [m]."""
+        frames = [(pose.inverse(), solid.to_mesh64()) for pose, solid in zip(self.poses, solids, strict=True)]
+        corners = [
+            (np.asarray(mesh.vert_properties)[:, :3] @ np.array(frame.rotation).T + np.array(frame.translation))[np.asarray(mesh.tri_verts)]
+            for frame, mesh in frames
+        ]
+        lows, highs = zip(*(joint_bounds(each, self.turns) for each in corners), strict=True)
+        return np.max(lows, axis=0), np.min(highs, axis=0), max(float(np.abs(each).max()) for each in corners)
 
     def cut(self, pair: ComparedPair, bounds: Bounds, patience: int) -> Iterator[tuple[Bounds, ComparedPair, bool]]:
         """Yield a copy of a pair with the parts of its solids inside a cell, with the cell, and whether the parts can only touch there.
@@ -127,9 +142,8 @@ class _Cells:
         solids = [body.solid.whole ^ uncut.at(pose).whole for body, pose in zip(pair.bodies, self.poses, strict=True)]
         if any(solid.is_empty() for solid in solids):
             return
-        extents = [joint_bounds(self._corners(solid, pose), self.turns) for solid, pose in zip(solids, self.poses, strict=True)]
-        lows, highs = zip(*extents, strict=True)
-        overlap = float((np.min(highs, axis=0) - np.max(lows, axis=0)).min())
+        low, high, _ = self._shared_bounds(solids)
+        overlap = float((high - low).min())
         if overlap < -TOUCH:
             return
         one, other = (BoundedSolid(Solid(solid, ((solid, 0.0),)), body.error) for solid, body in zip(solids, pair.bodies, strict=True))

@@ -343,23 +343,21 @@ def present(documents: Iterable[str], diagnostics: list[Diagnostic]) -> Iterator
 
 
 class ProgressLine:
-    """Displays on standard error how many parts have been built, and the elapsed time [s].
+    """Displays on standard error how many steps of a computation are done, and the elapsed time [s].
 
     On a terminal, the progress is displayed in one line. Otherwise, a line is printed at the start, at the end and at most once per second.
     """
 
     def __init__(self) -> None:
-        self._started = self._shown = time.monotonic()
+        self._shown = time.monotonic()
 
-    def __call__(self, verb: str, done: int, total: int) -> None:
-        """Display that `done` of `total` parts have been built."""
+    def __call__(self, what: str, done: int, total: int, seconds: float) -> None:
+        """Display that `done` of `total` steps are done."""
         time_now = time.monotonic()
-        if done == 0:
-            self._started = time_now
-        line = f"{verb} parts: {done} of {total} ({time_now - self._started:.0f} s)"
+        line = f"{what}: {done} of {total} ({seconds:.0f} s)"
         if sys.stderr.isatty():
             say_in_place(line if done < total else "")
-        elif done in (0, total) or time_now - self._shown >= 1:
+        elif seconds == 0.0 or done == total or time_now - self._shown >= 1:
             self._shown = time_now
             say(line, stream=sys.stderr)
 

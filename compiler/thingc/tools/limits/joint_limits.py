@@ -9,6 +9,7 @@ from math import inf, pi, remainder, tau
 import numpy as np
 
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.progress import Counter, Progress
 from thingc.base.suggestions import did_you_mean
 from thingc.driver.pipeline import UnknownChoice
 from thingc.driver.testing.collisions import Collisions, names_of
@@ -19,7 +20,7 @@ from thingc.model.resolve.types import JointRange
 from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.types import Keyframe, Robot
 from thingc.model.solids.clearance import ComparedPair, Place, Sweep, prove
-from thingc.model.solids.contact_cells import divide
+from thingc.model.solids.contact_cells import prove_pairs
 
 COARSE = 16.0
 """Length of the shortest interval that is surely found, relative to the accuracy of the ends of intervals."""
@@ -48,7 +49,7 @@ class FreeIntervals(FrozenStruct):
         return min((one for one in distances if one[0] <= width), key=lambda one: one[0], default=(q, None))[1]
 
 
-def free_intervals(sweep: Sweep, pairs: Sequence[ComparedPair], width: float) -> FreeIntervals:
+def free_intervals(sweep: Sweep, pairs: Sequence[ComparedPair], width: float, progress: Progress | None = None) -> FreeIntervals:
     """Return the intervals of a sweep of one joint in which no pair touches.
 
     The ends of the intervals are at most `width` [rad or m] from the nearest position in which parts touch or are closer than the errors of
@@ -56,7 +57,7 @@ def free_intervals(sweep: Sweep, pairs: Sequence[ComparedPair], width: float) ->
     are compared in samples. If the robot repeats after a turn of the joint, an interval can extend beyond the range of the sweep, and
     intervals that are connected across the ends of the range are one interval.
     """
-    prove(sweep, [pair for pair in pairs if not divide(sweep, pair)])
+    prove_pairs(sweep, pairs, progress)
     search = _Search(sweep, [pair for pair in pairs if pair.verdict in ("touches", "undecided")], width)
     free: list[tuple[float, float]] = []
     one = sweep.ranges[0]
@@ -204,7 +205,7 @@ class LimitSearch:
         """Search the free intervals of a joint, with ends that are at most `width` [rad or m] from a contact."""
         q = self._frame.q[joint.path]
         sweep, pairs = self._collisions.moving_pairs(self._robot, self._frame, [_range(joint, q)], 0.0)
-        free, skipped = free_intervals(sweep, pairs, width), self._skipped_names(sweep)
+        free, skipped = free_intervals(sweep, pairs, width, self._collisions.progress), self._skipped_names(sweep)
         interval = free.around(q, width)
         lower, upper = (self._names(free.contact(end, width)) for end in (interval or (q, q)))
         return JointLimits(
@@ -217,7 +218,7 @@ class LimitSearch:
         ranges = [_range(joint, 0.0, limited=True) for joint in (one, other)]
         sweep, pairs = self._collisions.moving_pairs(self._robot, self._frame, ranges, 0.0)
         skipped = self._skipped_names(sweep)
-        prove(sweep, pairs)
+        prove(sweep, pairs, Counter(self._collisions.progress, "proving pairs", len(pairs)))
         worst = next((pair for verdict in ("touches", "undecided") for pair in pairs if pair.verdict == verdict), None)
         q = worst.q if worst is not None else {}
         return PairLimits(
