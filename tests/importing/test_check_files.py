@@ -203,7 +203,7 @@ def test_output_formats_and_exit_codes(here: Path, capsys: pytest.CaptureFixture
 @pytest.mark.parametrize(("name", "text", "code", "words"), [
     ("missing.urdf", None, 2, "cannot read `missing.urdf`: no such file or directory"),
     ("cut.urdf", '<robot name="r">\n  <link name="a"', 1, "--> cut.urdf:2:3\n"),
-    ("other.xml", "<html/>", 1, "but this one starts with `<html>`\n   --> other.xml:1:1\n"),
+    ("other.xml", "<html/>", 1, "but this file starts with `<html>`\n   --> other.xml:1:1\n"),
     ("broken.urdf.xacro", '<robot name="r" xmlns:xacro="http://wiki.ros.org/xacro">\n  <link name="${none}"/></robot>', 1,
      "--> broken.urdf.xacro:2:1\n"),
     ("mesh.urdf", '<robot name="r"><link name="a">\n<visual><geometry><mesh filename="no.stl"/></geometry></visual></link></robot>', 1,

@@ -75,7 +75,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared_store: str) -
     (tmp_path / "parts").mkdir()
     for name, text in (
         ("robot.yaml", ROBOT), ("other.yaml", OTHER), ("parts/odd.py", PART), ("arm.urdf", URDF),
-        ("wrong.yaml", ROBOT.replace("mass", "mas")), ("thingc.toml", 'thingc = "workspace/1"\n'),
+        ("wrong.yaml", ROBOT.replace("mass", "masss")), ("thingc.toml", 'thingc = "workspace/1"\n'),
     ):
         (tmp_path / name).write_text(text)
     assert main(["import", "arm.urdf"]) == 0

@@ -66,7 +66,8 @@ def test_walker_uses_every_kind_of_name(walker: WorkspaceIndex) -> None:
     from thingc.documents.spec.name_types import Declared, DeclaresName, ReferenceKind, RefersTo
 
     said = {mention.names for written in walker.documents.values() for mention in written.occurrences}
-    of_others = {RefersTo("part"), RefersTo("parameter of a part"), RefersTo("mode of a nested assembly")}  # in the arm; in a scene, below
+    of_others = {RefersTo("part"), RefersTo("parameter of a part")}  # in the arm
+    of_others |= {RefersTo("mode of a nested assembly"), RefersTo("pose of this nested assembly")}  # in a scene and a lump, below
     assert said == {*map(DeclaresName, get_args(Declared)), *map(RefersTo, get_args(ReferenceKind))} - of_others
 
 
@@ -178,23 +179,25 @@ modes: {{all: {{root: a, actuators: [wrist_0]}}}}
     assert [text.replace("wrist:", "both:").replace(", actuators: [wrist_0]", "")] == list(edits.texts.values())
 
 
-def test_rename_of_a_mode_updates_scenes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("element", "use"), [("modes.bench", "mode: bench"), ("poses.folded", "as: lump, pose: folded")])
+def test_rename_of_a_mode_or_pose_updates_scenes(element: str, use: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("arm.yaml").write_text("""\
 thingc: assembly/1
 name: arm
 components: {foot: {frame: true, mass: 1 kg}}
+poses: {folded: {}}
 modes: {bench: {root: foot}, loose: {root: foot, base: free}}
 """)
-    scene = """\
+    scene = f"""\
 thingc: assembly/1
 name: desk
 components:
-  room: {frame: true}
-  left: {assembly: arm.yaml, mode: bench, at: {in: room.origin}}
-  right: {assembly: arm.yaml, mode: loose, at: {in: room.origin}}
-modes: {bench: {root: room}}
+  room: {{frame: true}}
+  left: {{assembly: arm.yaml, {use}, at: {{in: room.origin}}}}
+  right: {{assembly: arm.yaml, mode: loose, at: {{in: room.origin}}}}
+modes: {{bench: {{root: room}}}}
 """
     Path("desk.yaml").write_text(scene)
-    assert main(["rename", "arm.yaml", "modes.bench", "stand"]) == 0
-    assert Path("desk.yaml").read_text() == scene.replace("mode: bench", "mode: stand")
+    assert main(["rename", "arm.yaml", element, "renamed"]) == 0
+    assert Path("desk.yaml").read_text() == scene.replace(use, use.rpartition(" ")[0] + " renamed")

@@ -63,9 +63,9 @@ NOTHING = 1e-9
 OVERLAP = 0.01
 """Fraction of a part's volume. An overlap of its solids is reported if it is larger than this fraction and larger than 1 mm^3."""
 
-NOT_CONVEX = 0.02
-"""Fraction of the volume of a convex hull. If more than this fraction is outside of the solid, the solid is not convex. The facets of a
-convex curved surface, whose angle is coarse in simulators, can leave out up to one percent.
+NOT_CONVEX = 0.05
+"""Fraction of the volume of a convex hull. If more than this fraction is outside of the solid, the solid is not convex. Facets of curved
+surfaces leave out up to 1 %, and small notches do not change contacts.
 """
 
 DEVIATION = 0.01
