@@ -651,14 +651,14 @@ assert "pandas" not in sys.modules  # which takes longer to import than a dozen 
 
 def test_memory_of_the_driver_does_not_grow(tmp_path: Path, shared_store: str) -> None:
     """The second batch has three times as many variants, and both have several chunks. The plan excludes all variants but one, so the
-    driver does the work. A stored row would take more than 1 kB."""
+    driver does the work. Without stored rows, the peak grows by 5 to 10 MB; 10 000 stored rows of more than 1 kB would add 10 MB to that."""
     for name, count in (("few", "500"), ("many", "1500")):
         here = workspace(tmp_path, **{name: MANY.replace("COUNT", count).replace("name: many", f"name: {name}")})
     words = [sys.executable, "-c", PEAKS, "few.yaml", "many.yaml"]
     done = subprocess.run(words, cwd=here, env=environment(shared_store), capture_output=True, text=True, timeout=300)
     (few, one, before), (many, other, after) = (map(int, line.split()) for line in done.stdout.splitlines())
     assert (few, one, many, other) == (5000, 1, 15_000, 1), done.stderr
-    assert after - before < 8_000, f"{before} and {after} kB for 5 000 and 15 000 variants"
+    assert after - before < 12_000, f"{before} and {after} kB for 5 000 and 15 000 variants"
 
 
 @pytest.mark.parametrize(("words", "first", "second"), [
