@@ -651,7 +651,7 @@ assert "pandas" not in sys.modules  # which takes longer to import than a dozen 
 
 def test_memory_of_the_driver_does_not_grow(tmp_path: Path, shared_store: str) -> None:
     """The second batch has three times as many variants, and both have several chunks. The plan excludes all variants but one, so the
-    driver does the work. Without stored rows, the peak grows by 5 to 10 MB; 10 000 stored rows of more than 1 kB would add 10 MB to that."""
+    driver does the work. Without stored rows, the peak grows by 5 to 10 MB. 10 000 stored rows would add more than 10 MB to that."""
     for name, count in (("few", "500"), ("many", "1500")):
         here = workspace(tmp_path, **{name: MANY.replace("COUNT", count).replace("name: many", f"name: {name}")})
     words = [sys.executable, "-c", PEAKS, "few.yaml", "many.yaml"]
