@@ -9,7 +9,7 @@ Progress = Callable[[str, int, int, float], None]
 """Callback `progress(what, done, total, seconds)`, such as `progress("modelling parts", 3, 9, 1.2)`. `seconds` is the elapsed time [s]."""
 
 
-class Counter:
+class ProgressCounter:
     """Counts the steps of a computation, and reports the count after each step if more than a second has passed."""
 
     def __init__(self, progress: Progress | None, what: str, total: int) -> None:

@@ -8,7 +8,7 @@ advancement), and Schwarzer, Saha and Latombe, "Exact collision checking of robo
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -22,7 +22,7 @@ from thingc.base.joints.twist import Twist
 from thingc.base.numeric import dist, hypot, inf, sum_of
 from thingc.base.pose import Pose, Vector
 from thingc.base.primitives import Primitive
-from thingc.base.progress import Counter
+from thingc.base.progress import ProgressCounter
 from thingc.model.assembly.kinematics import coordinates, joints_of, leaders
 from thingc.model.assembly.types import Occurrence
 from thingc.model.resolve.coordinates import Mimic
@@ -401,7 +401,7 @@ def _encloses(outer: tuple[Vector, Vector], inner: tuple[Vector, Vector]) -> boo
     return all(a < b and c > d for a, b, c, d in zip(outer[0], inner[0], outer[1], inner[1], strict=True))
 
 
-def prove(sweep: Sweep, pairs: Collection[ComparedPair], counter: Counter | None = None) -> None:
+def prove(sweep: Sweep, pairs: Collection[ComparedPair], counter: ProgressCounter | None = None) -> None:
     """Compare pairs in all positions of the ranges that move them, and record the results in the pairs. `counter` counts the pairs."""
     groups: dict[frozenset[int], list[ComparedPair]] = {}
     for pair in pairs:
@@ -412,12 +412,12 @@ def prove(sweep: Sweep, pairs: Collection[ComparedPair], counter: Counter | None
         ends = {k: (sweep.ranges[k].lower, sweep.ranges[k].upper) for k in sorted(moving)}
         middle, half = ({k: (high + sign * low) / 2.0 for k, (low, high) in ends.items()} for sign in (1.0, -1.0))
         waiting = deque([Box(middle, half, group, None)])
-        boxes = dict.fromkeys(group, 1)  # number of waiting boxes by pair
+        boxes = Counter(group)  # number of waiting boxes by pair
         while waiting:
             box = waiting.popleft()
             waiting.extend(halves := [*_compare_in_box(sweep, box)])
-            for pair in box.pairs:
-                boxes[pair] += [pair in half.pairs for half in halves].count(True) - 1
+            boxes.subtract(box.pairs)
+            boxes.update(pair for half in halves for pair in half.pairs)
             if counter is not None:
                 counter.add([boxes[pair] for pair in box.pairs].count(0))
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from thingc.base.joints.twist import Twist
 from thingc.base.pose import along
-from thingc.base.progress import Counter, Progress
+from thingc.base.progress import Progress, ProgressCounter
 from thingc.model.solids.clearance import SKIN, TOUCH, BoundedSolid, ComparedPair, Place, Sweep, prove
 from thingc.model.solids.shapes import Solid
 
@@ -35,7 +35,7 @@ Bounds = tuple[tuple[float, float], tuple[float, float]]
 
 def prove_pairs(sweep: Sweep, pairs: Sequence[ComparedPair], progress: Progress | None = None) -> None:
     """Compare pairs in all positions, except for the cells in which parts at a joint are always in contact. Show the progress."""
-    counter = Counter(progress, "proving pairs", len(pairs))
+    counter = ProgressCounter(progress, "proving pairs", len(pairs))
     others: list[ComparedPair] = []
     for pair in pairs:
         if divide(sweep, pair):

@@ -9,7 +9,7 @@ from math import inf, pi, remainder, tau
 import numpy as np
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.progress import Counter, Progress
+from thingc.base.progress import Progress, ProgressCounter
 from thingc.base.suggestions import did_you_mean
 from thingc.driver.pipeline import UnknownChoice
 from thingc.driver.testing.collisions import Collisions, names_of
@@ -218,7 +218,7 @@ class LimitSearch:
         ranges = [_range(joint, 0.0, limited=True) for joint in (one, other)]
         sweep, pairs = self._collisions.moving_pairs(self._robot, self._frame, ranges, 0.0)
         skipped = self._skipped_names(sweep)
-        prove(sweep, pairs, Counter(self._collisions.progress, "proving pairs", len(pairs)))
+        prove(sweep, pairs, ProgressCounter(self._collisions.progress, "proving pairs", len(pairs)))
         worst = next((pair for verdict in ("touches", "undecided") for pair in pairs if pair.verdict == verdict), None)
         q = worst.q if worst is not None else {}
         return PairLimits(

@@ -46,7 +46,8 @@ def _print(page: bytes) -> bytes | str:
             "--no-pdf-header-footer", f"--print-to-pdf={printed}", source.as_uri(),
         ]
         try:
-            subprocess.run(command, capture_output=True, timeout=TIMEOUT, check=True, stdin=subprocess.DEVNULL)
+            nothing = subprocess.DEVNULL  # processes that Chromium starts could keep a pipe open after the time limit
+            subprocess.run(command, timeout=TIMEOUT, check=True, stdin=nothing, stdout=nothing, stderr=nothing)
             return _DATE.sub(_SAME_DATE, printed.read_bytes())
         except (OSError, subprocess.SubprocessError) as fault:
             return f"Chromium failed: {type(fault).__name__}"
