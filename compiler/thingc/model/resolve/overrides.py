@@ -31,7 +31,8 @@ _FEATURES: dict[str, Callable[..., MatingFeature]] = {"bolts": Bolts, "bore": Bo
 _SIGNED = ("at", "clearance", "start")
 """Values of mating features that may be negative."""
 
-_MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+"""The entries of an inertia matrix, in the order of resolved values."""
 
 _OF_PARTS = ("material", "mass", "com", "inertia", "collision", "visual", "process", "print", "bom")
 """Keys of a component that are valid only for a part or a frame."""
@@ -127,10 +128,10 @@ def _inertia(scope: Scope, layers: DefaultLayers) -> StatedValue | None:
         return None
     (matrix, at), source = _with_source(setting)
     values = [
-        scope.number(getattr(matrix, key), (*at, key), INERTIA, f"`{key}`", least=-LARGEST_MOMENT, most=LARGEST_MOMENT) for key in _MOMENTS
+        scope.number(getattr(matrix, key), (*at, key), INERTIA, f"`{key}`", least=-LARGEST_MOMENT, most=LARGEST_MOMENT) for key in MOMENTS
     ]
     sound = tuple(value for value in values if value is not None)
-    return StatedValue(value=sound, source=source, origin=scope.origin(setting.path)) if len(sound) == len(_MOMENTS) else None
+    return StatedValue(value=sound, source=source, origin=scope.origin(setting.path)) if len(sound) == len(MOMENTS) else None
 
 
 def material(scope: Scope, layers: DefaultLayers, known: dict[str, Material | None], *, unreadable: bool) -> Material | None:

@@ -25,13 +25,13 @@ from thingc.model.assembly.shape_links import Meshes, bounding_box
 from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.link_definition import LinkShape, link_of
 from thingc.model.resolve.mirroring import with_components, with_own_images
+from thingc.model.resolve.overrides import MOMENTS
 from thingc.model.resolve.parts import FAILURES
 from thingc.model.resolve.types import AssemblyDefinition, BomEntry, Component, ExtraMount, Overrides, Reference, StatedValue
 from thingc.model.robot.kinematic_tree import root
 from thingc.model.robot.kinematics import occurrence_poses
 
 _SHOWN = 8
-_ORDER = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
 def with_lumps(
@@ -88,7 +88,7 @@ def _lump(
             mounts[exported.path] = ExtraMount(**values)
     moments = named_moments(body.inertia)
     overrides = Overrides(
-        mass=value_of(body.mass), com=value_of(*body.centre), inertia=value_of(*(moments[name] for name in _ORDER)),
+        mass=value_of(body.mass), com=value_of(*body.centre), inertia=value_of(*(moments[name] for name in MOMENTS)),
     ) if body.mass > 0.0 else Overrides()
     rigid = Component(
         name=base, key=base, definition=link_of(tuple(_boxes(assembly, poses))), frame=False, placement=None, material=None,
