@@ -113,14 +113,18 @@ def _build(model: type[Model]) -> None:
 
 def documents_in_lumps(specs: Specs, documents: Documents) -> frozenset[str]:
     """Return the absolute paths of the assembly documents that are nested only in components with `as: lump`."""
-    waiting = [(documents.root.relative, False)]
+    assemblies = {path: spec for path, spec in specs.items() if isinstance(spec, AssemblySpec)}
+    if all(component.as_ is None for spec in assemblies.values() for component in spec.components.values()):
+        return frozenset()
+    uses = {(documents.root.relative, False)}
+    waiting = [*uses]
     for outer, in_lump in waiting:  # the list grows
-        spec = specs.get(outer)
-        for component in spec.components.values() if isinstance(spec, AssemblySpec) else ():
-            document = documents.find_referenced(documents.by_path[outer], component.assembly or "")
-            use = (document.relative if document is not None else outer, in_lump or component.as_ is not None)
-            waiting += [use] if document is not None and use not in waiting else []
-    lumps, others = ({path for path, in_lump in waiting if in_lump is wanted} for wanted in (True, False))
+        for component in assemblies[outer].components.values() if outer in assemblies else ():
+            document = documents.find_referenced(documents.by_path[outer], component.assembly) if component.assembly else None
+            if document is not None and (use := (document.relative, in_lump or component.as_ is not None)) not in uses:
+                uses.add(use)
+                waiting.append(use)
+    lumps, others = ({path for path, in_lump in uses if in_lump is wanted} for wanted in (True, False))
     return frozenset(documents.by_path[path].path for path in lumps - others)
 
 
