@@ -66,6 +66,20 @@ def test_omitted_shapes_do_not_change_masses(tmp_path: Path, shared_store: str, 
             np.testing.assert_allclose(getattr(a, field), getattr(b, field), rtol=1e-12, atol=1e-15, err_msg=field)
 
 
+def test_modes_omit_levels_in_addition(tmp_path: Path, shared_store: str) -> None:
+    workspace(tmp_path)
+    tmp_path.joinpath("hand.yaml").write_text(HAND)
+    _, full = built(tmp_path, ROBOT, shared_store, ("mjcf", "urdf", "stl"))
+    _, less = built(tmp_path, f"{ROBOT}detail: {{urdf: -fasteners, modes: {{bench: -hands}}}}\n", shared_store, ("mjcf", "urdf", "stl"))
+    hands = {"left/palm", "left/bolt"}
+    assert drawn(less, MJCF) == ALL - hands and drawn(less, "mjcf/robot_adrift.xml") == ALL
+    assert drawn(less, URDF) == ALL - hands - {"right/bolt"} and drawn(less, "urdf/robot_adrift.urdf") == ALL - {"left/bolt", "right/bolt"}
+    assert full["stl"].files == less["stl"].files
+    a, b = model_of(full["mjcf"], "robot_bench"), model_of(less["mjcf"], "robot_bench")
+    for field in ("body_mass", "body_ipos", "body_inertia", "body_iquat", "site_pos"):
+        np.testing.assert_allclose(getattr(a, field), getattr(b, field), rtol=1e-12, atol=1e-15, err_msg=field)
+
+
 def test_single_build_can_omit_a_level(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
     workspace(tmp_path)
     tmp_path.joinpath("hand.yaml").write_text(HAND)
@@ -76,11 +90,11 @@ def test_single_build_can_omit_a_level(tmp_path: Path, shared_store: str, capsys
     names = {one.get("name") for one in ET.fromstring((tmp_path / "out/robot/sdf/robot_bench/model.sdf").read_text()).iter("visual")}
     assert names == {"foot_visual", "cover_visual", "right_palm_visual", "right_bolt_visual"}
     capsys.readouterr()
-    document.write_text(f"{ROBOT}detail: {{sim: -fastener, usd: cosmetic}}\n")
+    document.write_text(f"{ROBOT}detail: {{sim: -fastener, usd: cosmetic, modes: {{benches: -hands}}}}\n")
     assert main(["check", str(document), "--store", shared_store]) == 1
     shown = capsys.readouterr()
     omit = "to omit this level of detail, write `-cosmetic`"
-    for words in ("no component has the level of detail `fastener`", "did you mean `fasteners`?", omit):
+    for words in ("no component has the level of detail `fastener`", "did you mean `fasteners`?", omit, "there is no mode `benches`"):
         assert words in shown.out + shown.err
 
 

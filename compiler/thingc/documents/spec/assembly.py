@@ -437,6 +437,8 @@ class DetailSpec(Model):
     """Omitted in SDF files, in place of `sim`."""
     usd: fields.OmittedField | None = optional("-fasteners")
     """Omitted in USD files, in place of `sim`."""
+    modes: dict[name_types.ModeField, fields.OmittedField] = Field(default={}, examples=[{"walking": ["-fasteners", "-electronics"]}])
+    """Omitted in the simulation models of single modes of this document, in addition to the levels of the format."""
 
 
 class AssemblySpec(Model):

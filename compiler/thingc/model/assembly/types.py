@@ -105,7 +105,8 @@ class Occurrence(PartInstance):
     """One use of a part, a link or a frame in the robot, at a path such as `hand/cap`.
 
     `index` is the position in the list of all occurrences in document order. `unit` is the nested assembly that the bill of materials lists
-    in place of the occurrence, if any. `detail` contains the levels of detail to which the occurrence belongs.
+    in place of the occurrence, if any. `detail` contains the levels of detail to which the occurrence belongs, and `omitted_in` the modes
+    in which the current format omits the shapes.
     """
 
     path: str
@@ -114,6 +115,7 @@ class Occurrence(PartInstance):
     origin: Origin
     unit: Unit | None = None
     detail: frozenset[str] = frozenset()
+    omitted_in: frozenset[str] = frozenset()
 
     @property
     def name(self) -> str:
@@ -165,15 +167,25 @@ class Occurrence(PartInstance):
         """Whether the occurrence may collide. Only information that is available without meshes is used."""
         return bool(self.listed.touching) if self.listed is not None else self.overrides.collision != "none"
 
-    def in_target(self, target: str, omitted: Collection[str] = ()) -> Occurrence:
+    def in_target(self, target: str, omitted: Mapping[resolved.ChoicePath, Collection[str]]) -> Occurrence:
         """Return the occurrence with the shapes that the document selects for the format `target`.
 
-        If the occurrence belongs to a level of detail in `omitted`, return the occurrence without shapes.
+        `omitted` contains the levels of detail that formats and modes omit. It is only used for formats that it contains.
         """
-        if not self.detail.isdisjoint(omitted):
-            without_shapes = None if self.listed is None else replace(self.listed, drawn=(), touching=())
-            return replace(self, overrides=replace(self.overrides, variants={}, visual=False, collision="none"), listed=without_shapes)
-        return self.choose(("targets", target))
+        paths = [path for path, levels in omitted.items() if (target,) in omitted and not self.detail.isdisjoint(levels)]
+        if (target,) in paths:
+            return self._without_shapes()
+        chosen = self.choose(("targets", target))
+        modes = frozenset(path[1] for path in paths if path[0] == "modes")
+        return replace(chosen, omitted_in=modes) if modes else chosen
+
+    def in_mode(self, mode: str) -> Occurrence:
+        """Return the occurrence with the collision shapes that the document selects for a mode, or without shapes if it omits them."""
+        return self._without_shapes() if mode in self.omitted_in else self.choose(("modes", mode))
+
+    def _without_shapes(self) -> Occurrence:
+        listed = None if self.listed is None else replace(self.listed, drawn=(), touching=())
+        return replace(self, overrides=replace(self.overrides, variants={}, visual=False, collision="none"), listed=listed)
 
     def choose(self, path: resolved.ChoicePath) -> Occurrence:
         """Return the occurrence with the collision shapes that the document selects at a path below `collision`, if there are any.
@@ -521,16 +533,16 @@ class Assembly(Connected):
 
     def in_target(self, target: str) -> Assembly:
         """Return the assembly with the shapes that the document selects for a format, without the omitted levels of detail."""
-        omitted = self.definition.omitted.get(target, frozenset())
-        if not omitted and not any(("targets", target) in occurrence.overrides.variants for occurrence in self.occurrences):
+        omitted = self.definition.omitted
+        if not any(omitted.values()) and not any(("targets", target) in occurrence.overrides.variants for occurrence in self.occurrences):
             return self
         return replace(self, occurrences=tuple(occurrence.in_target(target, omitted) for occurrence in self.occurrences))
 
     def in_mode(self, mode: str) -> Assembly:
-        """Return the assembly with the collision shapes that the document selects for a mode."""
-        if not any(("modes", mode) in occurrence.overrides.variants for occurrence in self.occurrences):
+        """Return the assembly with the shapes that the document selects for a mode."""
+        if not any(("modes", mode) in one.overrides.variants or mode in one.omitted_in for one in self.occurrences):
             return self
-        return replace(self, occurrences=tuple(occurrence.choose(("modes", mode)) for occurrence in self.occurrences))
+        return replace(self, occurrences=tuple(one.in_mode(mode) for one in self.occurrences))
 
     @property
     def hag(self) -> Hag:

@@ -38,7 +38,7 @@ from thingc.model.resolve.set_values import substitute
 from thingc.model.resolve.tendons import tendons
 from thingc.model.resolve.tests import tests
 from thingc.model.resolve.transmissions import names_of, transmissions
-from thingc.model.resolve.types import AssemblyDefinition, Component, LinkName, Reference
+from thingc.model.resolve.types import AssemblyDefinition, ChoicePath, Component, LinkName, Reference
 
 MAX_DEFINITIONS = 2000
 """Maximum number of times that documents are resolved with different parameters. For example, thirty documents, each of which nests the
@@ -128,7 +128,7 @@ def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
         motions(context, table, scope)
     resolved = tuple(components(context, table, placements))
     model = _definition(context, table, resolved, links, top)
-    table.definition = replace(model, omitted=_omitted_details(scope, spec.detail, model)) if top and spec.detail is not None else model
+    table.definition = replace(model, omitted=_omitted_details(table, spec.detail, model)) if top and spec.detail is not None else model
 
 
 def _definition(
@@ -203,16 +203,22 @@ def _order(table: DocumentScope, scope: Scope) -> Iterator[Reference]:
                 yield component
 
 
-def _omitted_details(scope: Scope, detail: DetailSpec, model: AssemblyDefinition) -> dict[str, frozenset[str]]:
-    """Return the levels of detail that each simulation target omits.
+def _omitted_details(table: DocumentScope, detail: DetailSpec, model: AssemblyDefinition) -> dict[ChoicePath, frozenset[str]]:
+    """Return the levels of detail that each simulation target omits, and those that single modes omit: `("modes", "bench")`.
 
-    An error is reported for a level to which no component belongs, in this document or in a nested document.
+    An error is reported for a level to which no component belongs, in this document or in a nested document, and for an unknown mode.
     """
+    scope = table.scope
     known = {level for assembly in model.assemblies() for component in assembly.components for level in component.detail}
-    specified = {key: value for key, value in detail if value is not None}
-    for key, levels in specified.items():
+    given: dict[ChoicePath, tuple[str, ...]] = {(key,): levels for key, levels in detail if key != "modes" and levels is not None}
+    given |= {("modes", name): levels for name, levels in detail.modes.items()}
+    for name in (name for name in detail.modes if name not in table.spec.modes):
+        help = references.suggest(name, table.spec.modes, what="modes")
+        scope.error(Code.UNKNOWN_MODE, f"there is no mode `{name}`", ("detail", "modes", name), key=True, help=help)
+    for path, levels in given.items():
         for name in (level for level in levels if level not in known):
             help = did_you_mean(name, known, what="levels") if known else f"write `detail: [{name}]` in a component"
-            scope.error(Code.UNKNOWN_CHOICE, f"no component has the level of detail `{name}`", ("detail", key), help=help)
-    common = specified.pop("sim", ())
-    return {target: frozenset(specified.get(target, common)) for target in type(detail).model_fields if target != "sim"}
+            scope.error(Code.UNKNOWN_CHOICE, f"no component has the level of detail `{name}`", ("detail", *path), help=help)
+    common = given.pop(("sim",), ())
+    formats: dict[ChoicePath, tuple[str, ...]] = {(name,): given.get((name,), common) for name in ("mjcf", "urdf", "sdf", "usd")}
+    return {path: frozenset(levels) for path, levels in (given | formats).items()}

@@ -679,8 +679,9 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
     because of another, invalid reference. `step_origin` is the location of the setting `timestep` in the document. A mirror image is a
     separate definition, such as `leg(mirror=y)`. `mirror` is the axis along which it is mirrored, and `plain` is the original definition.
     `catalog` contains the entries of the catalogue of the document, by order number. `omitted` contains the levels of detail that each
-    simulation target omits, and is only used for the top document. `order` contains components in the order of assembly. A `lump` is a
-    nested assembly that becomes one rigid body in the start pose of its only mode.
+    simulation target omits (`("mjcf",)`), and that single modes omit (`("modes", "bench")`). It is only used for the top document. `order`
+    contains components in the order of assembly. A `lump` is a nested assembly that becomes one rigid body in the start pose of its only
+    mode.
     """
 
     document: str
@@ -712,7 +713,7 @@ class AssemblyDefinition(OneLineRepr, FrozenStruct):
     mirror: str | None = None
     plain: AssemblyDefinition | None = None
     catalog: dict[str, BomEntry] = {}
-    omitted: dict[str, frozenset[str]] = {}
+    omitted: dict[ChoicePath, frozenset[str]] = {}
     order: tuple[Reference, ...] = ()
     lump: bool = False
 

@@ -300,8 +300,9 @@ class _Reader:
             facts[f"adhesion.{component(mount).text}"] = fact(force, "adhesion")
         for key, one in {**definition.simulation, **mode.simulation}.items():
             facts[f"simulation.{key}"] = fact(one, "simulation", key)
-        for target, levels in definition.omitted.items():
-            facts[f"detail.{target}"] = fact(tuple(f"-{level}" for level in sorted(levels)), "detail", target)
+        for path, levels in definition.omitted.items():
+            if path in ((path[0],), ("modes", mode.name)):
+                facts[f"detail.{path[0]}"] = fact(tuple(f"-{level}" for level in sorted(levels)), "detail", *path)
         self._add("mode", mode.name, facts, span=mode.origin[0])
 
     def _materials(self, top: AssemblyDefinition) -> None:
