@@ -9,7 +9,7 @@ import thingc
 from families.documents import WORKSPACE
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="session")
 def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("families")
     for name, text in WORKSPACE.items():
@@ -17,19 +17,19 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="session")
 def everything(workspace: Path) -> Iterator[thingc.RobotFamily]:
     with thingc.family(workspace / "everything.yaml", verify=0) as family:
         yield family
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="session")
 def strung(workspace: Path) -> Iterator[thingc.RobotFamily]:
     with thingc.family(workspace / "strung.yaml", verify=0) as family:
         yield family
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="session")
 def many(workspace: Path) -> Iterator[thingc.RobotFamily]:
     with thingc.family(workspace / "many.yaml") as family:
         yield family
