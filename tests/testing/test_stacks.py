@@ -96,6 +96,26 @@ def test_clearance_of_a_boss_in_a_bore(rig: Workspace) -> None:
     np.testing.assert_allclose(found, (1e-4, 1e-4, 0.0), atol=1e-12)
 
 
+def test_tolerance_of_a_mount_replaces_that_of_the_process(rig: Workspace) -> None:
+    """A shift of one mount is a shift of the tip, in addition to all other deviations."""
+    test = "  out: {stack: {of: tip, from: base, along: [1, 0, 0], worst: 1 m}}\n"
+    looser = "upper: {part: rig_parts:Bar, mounts: {bore: {rpy: 90 0 90 deg, tolerance: 0.3 mm}}}"
+
+    def rss_of(text: str, bar: str) -> float:
+        assert "upper: {part: rig_parts:Bar}" in text
+        answer = rig.test(text.replace("upper: {part: rig_parts:Bar}", bar).replace("upper.near", "upper.bore"), test)
+        return float(answer["by_name"]["out"]["measured"]["rss"])
+
+    plain = rss_of(bars(), looser.replace(", tolerance: 0.3 mm", ""))
+    assert rss_of(bars(), looser) ** 2 - plain**2 == pytest.approx(9e-8 - TOLERANCE**2, rel=1e-9)
+    assert rss_of(two_links(), looser) == pytest.approx(3e-4, rel=1e-9)
+    assert "1 contributor; 100 % from `upper.bore`: 0.3 mm" in rig.run(str(rig.folder / "rig.yaml"))[1]
+    wrong = looser.replace("0.3 mm", "-1 mm")
+    text = two_links().replace("upper: {part: rig_parts:Bar}", wrong)
+    code, *shown = rig.run(str(rig.write(text, test)))
+    assert code == 1 and "`tolerance`" in "".join(shown)
+
+
 def test_stack_without_tolerances_fails(rig: Workspace) -> None:
     answer = rig.test(two_links(), "  none: {stack: {of: tip, from: base, along: [0, 0, 1], worst: 1 um}}\n"
                                    "  same: {stack: {of: tip, from: tip, along: [0, 0, 1], rss: 1 um}}\n")

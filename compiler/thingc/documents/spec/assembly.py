@@ -85,6 +85,8 @@ class MountSpec(PoseSpec):
 
     interface: str | InterfaceSpec | None = optional("x430-horn", {"bolts": {"thread": "M3", "count": 4, "circle": "20 mm"}})
     """The mating features of the mount, which must fit the mount on the other side, or only the name of an interface."""
+    tolerance: fields.LengthField | None = None
+    """The largest deviation of its position along each axis of the part, for tolerance stacks; default: that of the process."""
 
 
 class BomSpec(Model):

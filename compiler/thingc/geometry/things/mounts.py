@@ -37,7 +37,7 @@ class MountPoint(Framed):
 
     `location` is the frame of the mount in the frame of the Thing [mm]. `location` may also be a `Plane` or another mount. `interface` is
     the name of the mating interface (`"x430-horn"`), a mating feature such as `Bolts("M3", 4, circle=20)` [mm, deg], or a list of both.
-    `tolerance` [mm] is the largest distance between the mount of the real part and its nominal position.
+    `tolerance` [mm] is the largest deviation of the mount of the real part along each axis of the part.
 
     `facing` or `mate_x` rotates the frame about its z axis. Both arguments are directions in the frame of the Thing. `facing` is the
     direction of the mount's x axis. `mate_x` is the direction of the x axis of a mount that is mated with this one. Use `mate_x` for seats,

@@ -170,7 +170,10 @@ def extra_mounts(node: ComponentScope) -> dict[str, ExtraMount]:
         pose = scope.pose(spec, at)
         interface = spec.interface if isinstance(spec.interface, InterfaceSpec) else InterfaceSpec(name=spec.interface)
         features = _features(scope, interface, (*at, "interface"))
-        mounts[name] = ExtraMount(pose=pose or NO_POSE, interface=interface.name, origin=scope.origin(at, key=True), features=features)
+        tolerance = scope.number(spec.tolerance, (*at, "tolerance"), LENGTH, "`tolerance`", least=0.0)
+        mounts[name] = ExtraMount(
+            pose=pose or NO_POSE, interface=interface.name, tolerance=tolerance, features=features, origin=scope.origin(at, key=True),
+        )
     return mounts
 
 

@@ -53,7 +53,9 @@ def measure(case: TestCase, check: StackCheck) -> Outcome:
     bounds = (("worst", "the largest deviation", worst, check.worst), ("rss", "the root of the sum of squares", rss, check.rss))
     measured: dict[str, Measure] = {"worst": worst, "rss": rss}
     expected: dict[str, Measure] = {key: bound for key, _, _, bound in bounds if bound is not None}
+    shares = _largest_shares(contributions, rss)
     summary = f"worst {format_si(worst, LENGTH)}, RSS {format_si(rss, LENGTH)} of {format_count(len(contributions), 'contributor')}"
+    summary = f"{summary}; {shares[0].message}" if shares else summary
     faults = [
         (key, f"{description} is {format_si(value, LENGTH)}, but at most {Quantity(bound, LENGTH)} is allowed")
         for key, description, value, bound in bounds if bound is not None and value > bound * (1.0 + ROUNDING)
@@ -68,13 +70,17 @@ def measure(case: TestCase, check: StackCheck) -> Outcome:
             faults.append(("yield", f"{share_text}, but {100.0 * check.share:g} % are required"))
     if not faults:
         return Outcome(measured=measured, expected=expected, summary=summary)
-    message, notes = "; ".join(text for _, text in faults), tuple(_largest_shares(contributions, rss))
-    failure = Failure(code=Code.TEST_STACK, key=faults[0][0], message=message, notes=notes)
+    failure = Failure(code=Code.TEST_STACK, key=faults[0][0], message="; ".join(text for _, text in faults), notes=tuple(shares))
     return Outcome(measured=measured, expected=expected, summary=summary, failure=failure)
 
 
 def _largest_shares(contributions: Sequence[Contribution], rss: float) -> list[Note]:
-    """Return notes that list the largest contributors and their shares of the variance. `rss` [m] is the root of the sum of squares."""
+    """Return notes that list the largest contributors and their shares of the variance. `rss` [m] is the root of the sum of squares.
+
+    If no contributor deviates along the direction, return an empty list.
+    """
+    if rss == 0.0:
+        return []
     squares = [(sum_of(value * value for value in deviations), name) for name, deviations in contributions]
     squares.sort(key=lambda pair: (-pair[0], pair[1]))
     shares = [Note(message=f"{100.0 * square / rss**2:.3g} % from {name}: {format_si(sqrt(square), LENGTH)}") for square, name in squares]
@@ -139,11 +145,13 @@ def _mount_contributions(
     occurrence = assembly.occurrences[index]
     process = process_of(occurrence.component, occurrence.material)
     for name in mounts:
-        if name == "origin" or process.tolerance is None and process.tilt is None:
+        own = occurrence.mounts[name].tolerance
+        tolerance = process.tolerance if own is None else own
+        if name == "origin" or tolerance is None and process.tilt is None:
             continue
         arm = add_scaled(end, poses[index].apply(occurrence.mounts[name].pose.translation), -1.0)
         axes = [rotate(poses[index].rotation, axis) for axis in AXES]
-        shifts = [(process.tolerance or 0.0) * dot(axis, direction) for axis in axes]
+        shifts = [(tolerance or 0.0) * dot(axis, direction) for axis in axes]
         tilts = [(process.tilt or 0.0) * dot(cross(axis, arm), direction) for axis in axes]
         yield f"`{mount_name(occurrence, name)}`", [*shifts, *tilts]
 
