@@ -170,7 +170,7 @@ def test_errors_in_standard_input_are_shown(
     code, lines = said(capsys, "fmt", "-")
     assert code == 1
     assert lines[:4] == [
-        "error[TC103]: the `[` opened here is not closed with `]`", "   --> <stdin>:2:7", "  2 | name: [b", "    |       ^",
+        "error[TC103]: the `[` is not closed with `]`", "   --> <stdin>:2:7", "  2 | name: [b", "    |       ^",
     ]
 
 

@@ -315,7 +315,7 @@ def test_part_without_a_document(document: Path, capsys: pytest.CaptureFixture[s
     ("part thingc_stock.servo:SG90 --to D", "there is no module `thingc_stock.servo`\n"),
     ("part thingc_stock.servos:SG9 --to D", "help: did you mean `thingc_stock.servos:SG90`?"),
     ("part parts/old.py:Old --to D", "help: did you mean `old:Old`?"),
-    ("part numpy:Old --to D", "the module `numpy` must be in a part folder or in an allowed package"),
+    ("part numpy:Old --to D", "the module `numpy` is not in a part folder or in an allowed package"),
     ("part old:Old --to D", "error[TC405]"),
     ("mood x --to D", "expected `part`, `assembly`, `mode`, `joint` or `test`, found `mood` (did you mean `mode`?)"),
     ("test x --to D", f"a test requires --kind\n  help: known kinds: {', '.join(f'`{kind}`' for kind in sorted(kinds()))}"),

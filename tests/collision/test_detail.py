@@ -93,7 +93,7 @@ def test_single_build_can_omit_a_level(tmp_path: Path, shared_store: str, capsys
     document.write_text(f"{ROBOT}detail: {{sim: -fastener, usd: cosmetic, modes: {{benches: -hands}}}}\n")
     assert main(["check", str(document), "--store", shared_store]) == 1
     shown = capsys.readouterr()
-    omit = "to omit this level of detail, write `-cosmetic`"
+    omit = "write `-cosmetic` to omit this level of detail"
     for words in ("no component has the level of detail `fastener`", "did you mean `fasteners`?", omit, "there is no mode `benches`"):
         assert words in shown.out + shown.err
 

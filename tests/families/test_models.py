@@ -205,11 +205,11 @@ def test_errors_name_the_setting_and_others_continue(everything: thingc.RobotFam
         ({"joints.lift.limit.upper": "\x071 rad"}, "TC809",
          "`joints.lift.limit.upper`: a control character (U+0007) is not allowed in a document"),
         ({5: 1.0}, "TC809", "the document has no element `5`"),
-        ({"modes.loose.gravity.3": 1.0}, "TC809", "`modes.loose.gravity` is a list of 3 items and has no item `3`"),
-        ({"components.arm.com.x": 1.0}, "TC809", "`components.arm.com` is a list of 3 items and has no item `x`"),
+        ({"modes.loose.gravity.3": 1.0}, "TC809", "the list `modes.loose.gravity` has no item `3`"),
+        ({"components.arm.com.x": 1.0}, "TC809", "the list `components.arm.com` has no item `x`"),
         ({"modes.loose.gravity.2": "fast"}, "TC809", "expected an acceleration (such as `9.81 m/s^2`), found the string `fast`"),
         ({"components.arm.com.1": "5 kg"}, "TC809", "expected a length (such as 120 mm), found a mass (`5 kg`)"),
-        ({**good, "joints.lift.limit.upper": -3.0}, "TC324", "limits of joint `lift` are reversed"),
+        ({**good, "joints.lift.limit.upper": -3.0}, "TC324", "in the limits of joint `lift`"),
     ]
     found = list(everything.models([one for case in wrong for one in (good, case[0])], share=True, visual=True))
     assert all(isinstance(model, mujoco.MjModel) for model in found[::2])
@@ -277,7 +277,7 @@ def test_explanations(everything: thingc.RobotFamily, name: str, way: str, words
 @pytest.mark.parametrize(("name", "value", "words"), [
     ("laod", None, "`everything` has no parameter `laod`"),
     ("joints.lft.limit.upper", None, "`joints` has no `lft`"),
-    ("joints.lift", None, "`joints.lift` is not a value but a mapping"),
+    ("joints.lift", None, "expected the path of a value, found the mapping `joints.lift`"),
     ("load", 30.0, "parameter `load` must be at most 20 kg, found `30 kg`"),
 ])
 def test_invalid_settings_have_no_explanation(everything: thingc.RobotFamily, name: str, value: float | None, words: str) -> None:

@@ -143,7 +143,7 @@ def test_revolute_joint_compares_bolt_circles(tmp_path: Path) -> None:
     """The diagnostic is at the joint, with notes at both mounts."""
     other = "{bolts: {thread: M3, count: 4, circle: 22 mm}}"
     found = check(tmp_path, two(f"{{{M3}}}", other, "", JOINT.format(kind="revolute", turn="0", more=LIMIT)))
-    assert [one.message for one in found] == ["`b.n` does not fit `a.m`: bolt circle 16 mm on `a.m`, bolt circle 22 mm on `b.n`"]
+    assert [one.message for one in found] == ["mount `b.n` does not fit `a.m`: bolt circle 16 mm on `a.m`, bolt circle 22 mm on `b.n`"]
     assert found[0].span is not None
     assert found[0].span.line == 6
     assert [note.span.line for note in found[0].notes if note.span is not None] == [4, 5]
@@ -223,17 +223,17 @@ components:
 
 @pytest.mark.parametrize(("length", "thread", "x", "said"), [
     ("8 mm", "M3", 10, None), ("9 mm", "M3", 10, None),  # 3 mm of the lid, and 6 mm of thread
-    ("9.01 mm", "M3", 10, "is 9.01 mm long, 0.01 mm too long: the distance to `base.top` is 3 mm, and the threaded hole is 6 mm deep"),
-    ("12 mm", "M3", -10, "is 12 mm long, 3 mm too long: the distance to `base.top` is 3 mm, and the threaded hole is 6 mm deep"),
-    ("5.4 mm", "M3", 10, None), ("5 mm", "M3", 10, "engages 2 mm of the thread at `base.top`, but at least 2.4 mm are needed"),
-    ("2 mm", "M3", 10, "is 2 mm long, and does not reach `base.top`, 3 mm below its head"),
-    ("8 mm", "M2.5", 10, "has the thread M2.5, but the hole at `base.top` has the thread M3"),
+    ("9.01 mm", "M3", 10, "(9.01 mm) is too long for the hole at `base.top` (at most 9 mm)"),
+    ("12 mm", "M3", -10, "(12 mm) is too long for the hole at `base.top` (at most 9 mm)"),
+    ("5.4 mm", "M3", 10, None), ("5 mm", "M3", 10, "engages only 2 mm of the thread at `base.top` (at least 2.4 mm required)"),
+    ("2 mm", "M3", 10, "(2 mm) is too short to reach `base.top` (3 mm)"),
+    ("8 mm", "M2.5", 10, "has the thread M2.5, expected M3 at `base.top`"),
     ("12 mm", "M3", 9, None),  # beside the hole
 ])
 def test_screw_length_and_thread_are_checked(tmp_path: Path, length: str, thread: str, x: int, said: str | None) -> None:
     """A screw through a 3 mm lid into a threaded hole 6 mm deep. Too long, too short and wrong threads are reported."""
     found = check(tmp_path, SCREW.format(length=length, thread=thread, x=x))
-    assert [(one.code.code, one.message) for one in found] == ([] if said is None else [("TC535", f"`screw` on `lid.head` {said}")])
+    assert [(one.code.code, one.message) for one in found] == ([] if said is None else [("TC535", f"screw `screw` on `lid.head` {said}")])
 
 
 def test_interfaces_are_checked_for_every_variant(tmp_path: Path) -> None:

@@ -133,9 +133,9 @@ def test_added_mount_with_an_existing_name_is_reported() -> None:
     )
     report = faults(model, PLATE, CAP)
     assert said(report) == [
-        ("MOUNT_CLASH", "`plate` already has a mount `foot`", "rename the mount that is added here", 4),
-        ("MOUNT_CLASH", "`dot` already has a mount `origin`", "rename the mount that is added here", 8),
-        ("MOUNT_CLASH", "`h` already has a mount `grip`", "rename the mount that is added here", 6),
+        ("MOUNT_CLASH", "`plate` already has a mount `foot`", "rename the new mount", 4),
+        ("MOUNT_CLASH", "`dot` already has a mount `origin`", "rename the new mount", 8),
+        ("MOUNT_CLASH", "`h` already has a mount `grip`", "rename the new mount", 6),
     ]
 
 
@@ -159,8 +159,7 @@ def test_placement_cycle_is_reported() -> None:
         (
             "PLACEMENT_CIRCLE",
             "components are placed in a cycle: `a` on `c`, `c` on `b`, `b` on `a`",
-            "place one of these components on a component outside the cycle; "
-            "if one of the joints closes a loop, add `loop: true` to the joint",
+            "place one of these components on a component outside the cycle, or add `loop: true` to a joint that closes a loop",
             7,
         )
     ]
@@ -170,7 +169,7 @@ def test_placement_cycle_is_reported() -> None:
 def test_joint_within_one_component_is_reported() -> None:
     model = assembly("a", [component("plate", "p:Plate"), component("a", "p:Cap")], [joint("j", "a.top", "a.foot", line=9)])
     assert said(faults(model, PLATE, CAP)) == [
-        ("PLACED_ON_ITSELF", "joint `j` connects `a` with itself: its mounts are `a.top` and `a.foot`",
+        ("PLACED_ON_ITSELF", "joint `j` connects component `a` with itself (`a.top` and `a.foot`)",
          "use mounts of two different components", 9)
     ]
 
@@ -198,8 +197,8 @@ def test_two_unplaced_components_are_reported() -> None:
     assert said(faults(model, PLATE, CAP)) == [
         (
             "TWO_BASES",
-            "`plate` and `cap` are not placed, but an assembly has only one base",
-            "add `attach`, `at` or a joint that places `cap`",
+            "expected one base component, found `plate` and `cap`",
+            "place `cap` with `attach`, `at` or a joint",
             4,
         )
     ]
@@ -263,7 +262,7 @@ def test_two_names_for_one_link_are_reported() -> None:
     report = faults(model, PLATE, CAP)
     assert said(report) == [
         (
-            "LINK_NAMED_TWICE", "`lid` and `base` are two names of one link: no joint separates their components",
+            "LINK_NAMED_TWICE", "the names `lid` and `base` refer to the same link",
             "remove one of the two names", 111,
         )
     ]
@@ -283,8 +282,8 @@ def test_duplicate_link_names_are_reported() -> None:
     assert said(report) == [
         (
             "DUPLICATE_LINK",
-            "two links have the name `cap`: this link and the link of component `cap`",
-            "choose another name, or give the link of `cap` another name under `links:`",
+            "two links have the name `cap`",
+            "choose another name for one of the links under `links:`",
             110,
         )
     ]
@@ -328,13 +327,13 @@ def test_pose_outside_limits_is_reported() -> None:
     assert said(report) == [
         (
             "POSE_LIMITS",
-            "pose `home` puts `yaw` at 150 deg, outside its limits -57.2958 deg to 114.592 deg",
+            "the value of `yaw` in pose `home` (150 deg) is outside its limits (-57.2958 deg to 114.592 deg)",
             "write a value within the limits, or widen the limits",
             301,
         ),
         (
             "POSE_LIMITS",
-            "pose `home` puts `slide` at -1 mm, outside its limits 0 mm to 20 mm",
+            "the value of `slide` in pose `home` (-1 mm) is outside its limits (0 mm to 20 mm)",
             "write a value within the limits, or widen the limits",
             302,
         ),
@@ -352,7 +351,7 @@ def test_unset_joint_outside_limits_is_reported_if_used() -> None:
     assert said(faults(arm([pose("home", slide=0.01)], yaw=(0.5, 1.0), used=("home",)), PLATE, CAP)) == [
         (
             "POSE_LIMITS",
-            "pose `home` does not set `yaw`, and its default 0 is outside its limits 28.6479 deg to 57.2958 deg",
+            "the value of `yaw` in pose `home` (0 deg) is outside its limits (28.6479 deg to 57.2958 deg)",
             "set `yaw` in the pose",
             300,
         )
@@ -363,8 +362,8 @@ def test_mimic_joint_outside_limits_is_reported() -> None:
     assert said(faults(arm([pose("home", yaw=1.0)], follows=mimic("yaw", 0.03), used=("home",)), PLATE, CAP)) == [
         (
             "POSE_LIMITS",
-            "pose `home` puts `slide`, which mimics `yaw`, at 30 mm, outside its limits 0 mm to 20 mm",
-            "set `yaw` so that both joints are within their limits, or widen the limits",
+            "the value of `slide` in pose `home` (30 mm) is outside its limits (0 mm to 20 mm)",
+            "change `yaw`, which `slide` mimics, or widen the limits",
             301,
         )
     ]
@@ -372,7 +371,7 @@ def test_mimic_joint_outside_limits_is_reported() -> None:
 
 def test_unknown_poses_and_joints_are_reported() -> None:
     assert said(faults(arm([pose("home", yav=1.0)], used=("hme",)), PLATE, CAP)) == [
-        ("UNKNOWN_POSE", "mode `m` uses pose `hme`, which the document does not define", "did you mean `home`?", 200),
+        ("UNKNOWN_POSE", "mode `m` uses the undefined pose `hme`", "did you mean `home`?", 200),
         ("UNKNOWN_JOINT", "pose `home` sets `yav`, which is not a moving joint", "did you mean `yaw`?", 301),
     ]
 
@@ -416,6 +415,6 @@ def test_drive_without_actuator_part_is_reported() -> None:
     )
     help = "add `actuator = Actuator(...)` to its class, or write the drive inline: `drive: {kind: position, kp: 20 N*m/rad}`"
     assert said(faults(model, PLATE, CAP)) == [
-        ("NO_ACTUATOR", "joint `j` is driven by `h` (`hand`), which is an assembly", help, 9),
-        ("NO_ACTUATOR", "joint `k` is driven by `dot`, which is a frame", help, 10),
+        ("NO_ACTUATOR", "`h` (`hand`) is an assembly and cannot drive joint `j`", help, 9),
+        ("NO_ACTUATOR", "`dot` is a frame and cannot drive joint `k`", help, 10),
     ]

@@ -141,14 +141,14 @@ def test_duplicate_warning_counts_as_reported() -> None:
 
 
 @pytest.mark.parametrize(("choice", "why"), [
-    ("part", "its part class has no `collision()`"), ("decompose", "the part has no convex decomposition"),
-    ("capsule", "no capsule could be fitted to it"),
+    ("part", "method `collision()`"), ("decompose", "convex decomposition"),
+    ("capsule", "enclosing capsule"),
 ])
 def test_missing_collision_shapes_are_reported(choice: str, why: str) -> None:
     """Reported only for parts whose meshes are known."""
     mesh = Mesh(sha256="0" * 64, size=1, vertices=8, faces=12, closed=True, flat=False)
     model = assembly("a", [component("one", "p:Plate", line=3, collision=choice)])
-    message = f"`one` (p:Plate) has `collision: {choice}`, but {why}"
+    message = f"`one` (p:Plate) has no {why} for `collision: {choice}`"
     report = faults(model, box("p:Plate", meshes=dict.fromkeys(("visual", "mesh", "hull"), mesh)))
     assert said(report) == [("COLLISION_MISSING", message, "write `collision: hull`, or `collision: none` to disable contacts", 3)]
     linked(model, box("p:Plate"))
@@ -186,15 +186,15 @@ def test_met_expectations_are_silent() -> None:
 
 def test_unmet_expectations_are_warnings() -> None:
     help = "attach the mount `foot` of `p:Cap` to `board.cap_seat`"
-    assert said(warnings(*board())) == [("EXPECTATION", "`board.cap_seat` expects `p:Cap`, but nothing is attached to this mount", help, 3)]
+    assert said(warnings(*board())) == [("EXPECTATION", "expected `p:Cap` on mount `board.cap_seat`, found nothing", help, 3)]
     plain = component("cap", "p:Cap", laid("board.cap_seat", np.eye(4)), line=5)
-    assert said(warnings(*board(plain)))[0][1] == "`board.cap_seat` expects `p:Cap`, but nothing is attached to this mount"
+    assert said(warnings(*board(plain)))[0][1] == "expected `p:Cap` on mount `board.cap_seat`, found nothing"
     other = warnings(*board(component("lid", "p:Plate", attach("lid.foot", "board.cap_seat"), line=5)))
-    assert said(other) == [("EXPECTATION", "`board.cap_seat` expects `p:Cap`, but `lid` (`p:Plate`) is attached to this mount", help, 5)]
+    assert said(other) == [("EXPECTATION", "expected `p:Cap` on mount `board.cap_seat`, found `lid` (`p:Plate`)", help, 5)]
     assert notes(other) == [("`board` is defined here", "/robots/robot.yaml", 3)]
     turned = warnings(*board(component("cap", "p:Cap", attach("cap.top", "board.cap_seat"), line=5)))
     assert said(turned) == [
-        ("EXPECTATION", "`board.cap_seat` expects `p:Cap` with mount `foot`, but `cap` is attached with mount `top`", help, 5)
+        ("EXPECTATION", "expected mount `foot` of `cap` on `board.cap_seat`, found `top`", help, 5)
     ]
 
 
@@ -205,7 +205,7 @@ def test_expectation_compares_parameters() -> None:
     )
     assert (
         said(warnings(model, BOARD, wide))[0][1]
-        == "`board.cap_seat` expects `p:Cap`, but `cap` (`p:Cap(width=0.2)`) is attached to this mount"
+        == "expected `p:Cap` on mount `board.cap_seat`, found `cap` (`p:Cap(width=0.2)`)"
     )
 
 
@@ -224,7 +224,7 @@ def test_mirrored_part_accepts_original_or_mirrored_child() -> None:
     cap_x = component("cap", part("p:Cap").mirror_image("x"), attach("cap.foot", "board.cap_seat"))
     model = assembly("a", [component("board", "p:Board"), cap_x])
     assert said(warnings(model, BOARD, replace(CAP, text="p:Cap(mirror=x)")))[0][1] == (
-        "`board.cap_seat` expects `p:Cap`, but `cap` (`p:Cap(mirror=x)`) is attached to this mount"
+        "expected `p:Cap` on mount `board.cap_seat`, found `cap` (`p:Cap(mirror=x)`)"
     )
 
 
@@ -240,10 +240,10 @@ def test_mirrored_bought_or_symmetric_parts_are_warnings() -> None:
         return [(code, message) for code, message, *_ in found]
 
     assert words(*twice) == [
-        ("MIRRORED_BOUGHT", "`one` is the mirror image of `p:Plate`, a purchased part: a mirrored version may not exist"),
+        ("MIRRORED_BOUGHT", "`one` is the mirror image of the purchased part `p:Plate`"),
     ]
     assert words(twice[0], record=own) == [
-        ("OWN_IMAGE", "`one` is mirrored, but the mirror image of `p:Plate` has the same shape")
+        ("OWN_IMAGE", "`mirror` has no effect on the symmetric part `one` (`p:Plate`)")
     ]
     by_process = component("one", left, process=Process(kind="bought"))
     assert [code for code, _ in words(by_process, record=box(left.text))] == ["MIRRORED_BOUGHT"]
@@ -264,7 +264,7 @@ def test_rounded_lengths_are_equal() -> None:
             linked(model, board, cap)
         else:
             assert said(warnings(model, board, cap))[0][1] == (
-                "`board.seat` expects `p:Cap(width=0.187672239581141)`, but `cap` (`p:Cap(width=0.1876722395)`) is attached to this mount"
+                "expected `p:Cap(width=0.187672239581141)` on mount `board.seat`, found `cap` (`p:Cap(width=0.1876722395)`)"
             ), "where labels are the same, the texts tell them apart"
 
 
@@ -274,5 +274,5 @@ def test_exported_expectations_are_not_checked() -> None:
     linked(shown, BOARD)  # whoever nests this assembly puts the cap there
     nested = assembly("b", [component("plate", "p:Plate"), component("h", shown, attach("h.board.foot", "plate.foot"))])
     assert [d.message for d in warnings(nested, BOARD, PLATE).diagnostics] == [
-        "`board.cap_seat` expects `p:Cap`, but nothing is attached to this mount"
+        "expected `p:Cap` on mount `board.cap_seat`, found nothing"
     ]

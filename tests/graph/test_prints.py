@@ -130,12 +130,12 @@ def test_equal_copies_share_a_slicing() -> None:
 
 
 def test_unsliceable_part_uses_skin_with_a_warning() -> None:
-    record = box("p:Box", SIZE, slices={HOW: SliceFailure(reason="has a mesh that is not closed")})
+    record = box("p:Box", SIZE, slices={HOW: SliceFailure(reason="the mesh is not closed")})
     model = assembly("a", [component("part", "p:Box", line=7)], materials=(material("petg", process=PRINTED),))
     report = warnings(model, record)
     assert said(report) == [(
         "UNSLICED",
-        "`part` (`p:Box`) cannot be sliced: it has a mesh that is not closed; its mass is estimated from its surface",
+        "`part` (`p:Box`) cannot be sliced: the mesh is not closed",
         "fix the part, or set `process: {estimate: skin}` in the component",
         7,
     )]
@@ -149,11 +149,11 @@ def test_missing_process_values_are_reported_together() -> None:
     bare = material("petg", process=Process(kind="fdm", walls=3, line_width=0.00045, infill=0.15))
     model = assembly("a", [component("part", "p:Box", process=Process(layer=0.0002))], materials=(bare,))
     assert [message for _, message, _, _ in said(faults(model, box("p:Box", SIZE)))] == [
-        "`petg` is printed with an infill, but its `process` has no `layer`, `top` and `bottom`",
+        "the print process of `petg` has no `layer`, `top` and `bottom`",
     ]
     own = assembly("a", [component("part", "p:Box", process=replace(PRINTED, top=None, bottom=None))], materials=(PETG,))
     assert [message for _, message, _, _ in said(faults(own, box("p:Box", SIZE)))] == [
-        "`part` is printed with an infill, but its process has no `top` and `bottom`",
+        "the print process of `part` has no `top` and `bottom`",
     ]
 
 
@@ -161,7 +161,7 @@ def test_layer_above_line_width_is_an_error() -> None:
     high = component("part", "p:Box", process=Process(layer=0.001), line=9)
     model = assembly("a", [high], materials=(material("petg", process=PRINTED),))
     assert said(faults(model, box("p:Box", SIZE))) == [(
-        "HIGH_LAYERS", "`layer` is 1 mm, and `line_width` only 0.45 mm: a line must be at least as wide as it is high",
+        "HIGH_LAYERS", "`layer` (1 mm) exceeds `line_width` (0.45 mm)",
         "write, for example, `layer: 0.2 mm, line_width: 0.45 mm`", 9,
     )]
 

@@ -92,11 +92,11 @@ def test_nondeterministic_parts_are_reported(build: Callable[..., tuple[int, str
     """Parts that depend on the order of a set, or fail the second time, are named with their differences, and no file is written."""
     code, said = build("Plain", "Hashed", "Holes", "Fails", options=("--twice",))
     hashed, holes, fails = error_messages(said)
-    differ = r"two builds of `odd:Hashed` differ: its volume is 0\.(\d) cm\^3 in the first build and 0\.(\d) cm\^3 in the second"
+    differ = r"two builds of `odd:Hashed` differ in the volume \(0\.(\d) cm\^3 and 0\.(\d) cm\^3\)"
     volumes = re.fullmatch(differ, hashed)
     assert volumes is not None and volumes[1] != volumes[2]
-    assert holes.startswith("two builds of `odd:Holes` differ: the order of its mounts differs: `hole_")
-    assert fails == "two builds of `odd:Fails` differ: the second build failed: ValueError: not this time"
+    assert holes.startswith("two builds of `odd:Holes` differ in the order of the mounts (`hole_")
+    assert fails == "the second build of `odd:Fails` failed: ValueError: not this time"
     assert (code, (tmp_path / "build").exists()) == (1, False)
     assert re.search(r"--> robot\.yaml:7:3\n.*\n.*\n  note: `odd:Hashed` is defined here\n    --> odd\.py:16:1\n", said)
     assert "also different: surface, inertia, bounding box, meshes" in said
@@ -112,7 +112,7 @@ def test_stale_cached_part_is_reported(build: Callable[..., tuple[int, str]], tm
     assert (code, "is up to date" in said) == (0, True)
     before = {path: path.read_bytes() for path in (tmp_path / "build").rglob("*") if path.is_file()}
     code, said = build("Plain", "Asks", options=("--twice",))
-    differ = "two builds of `odd:Asks` differ: its volume is 0.3 cm^3 in the first build and 0.4 cm^3 in the second"
+    differ = "two builds of `odd:Asks` differ in the volume (0.3 cm^3 and 0.4 cm^3)"
     assert (code, error_messages(said)) == (1, [differ])
     assert before == {path: path.read_bytes() for path in (tmp_path / "build").rglob("*") if path.is_file()}
     (tmp_path / "height.txt").write_text("3")
@@ -124,31 +124,31 @@ def test_stale_cached_part_is_reported(build: Callable[..., tuple[int, str]], tm
 A_MESH = Mesh(sha256="0" * 64, size=84, vertices=4, faces=4, closed=True, flat=False)
 TURNED = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 OTHERS: dict[str, tuple[Any, str]] = {
-    "material": ("steel", "its material is nothing in the first build and `steel` in the second"),
-    "color": ("#ff0000", "its colour is nothing in the first build and `#ff0000` in the second"),
-    "volume": (1.5e-6 * (1.0 + 1e-9), "its volume is 1.5 cm^3 in the first build and 1.5000000015 cm^3 in the second"),
-    "area": (2e-4, "its surface is 1 cm^2 in the first build and 2 cm^2 in the second"),
-    "centre": ((0.0, 0.0, 0.002), "its centre is [0, 0, 0] mm in the first build and [0, 0, 2] mm in the second"),
-    "inertia": (TURNED, "its inertia differs"),
+    "material": ("steel", "the material (nothing and `steel`)"),
+    "color": ("#ff0000", "the colour (nothing and `#ff0000`)"),
+    "volume": (1.5e-6 * (1.0 + 1e-9), "the volume (1.5 cm^3 and 1.5000000015 cm^3)"),
+    "area": (2e-4, "the surface (1 cm^2 and 2 cm^2)"),
+    "centre": ((0.0, 0.0, 0.002), "the centre ([0, 0, 0] mm and [0, 0, 2] mm)"),
+    "inertia": (TURNED, "the inertia"),
     "box": (((0.0, 0.0, 0.0), (0.01, 0.01, 0.03)),
-            "its bounding box is nothing in the first build and [0, 0, 0] mm to [10, 10, 30] mm in the second"),
-    "mass": (DeclaredValue(value=0.09), "its stated mass is 0.08 kg in the first build and 0.09 kg in the second"),
-    "com": (DeclaredValue(value=(0.0, 0.0, 0.0)), "its stated centre of mass differs"),
-    "matrix": (DeclaredValue(value=TURNED), "its stated inertia differs"),
-    "density": (DeclaredValue(value=7850.0), "its stated density differs"),
+            "the bounding box (nothing and [0, 0, 0] mm to [10, 10, 30] mm)"),
+    "mass": (DeclaredValue(value=0.09), "the stated mass (0.08 kg and 0.09 kg)"),
+    "com": (DeclaredValue(value=(0.0, 0.0, 0.0)), "the stated centre of mass"),
+    "matrix": (DeclaredValue(value=TURNED), "the stated inertia"),
+    "density": (DeclaredValue(value=7850.0), "the stated density"),
     "mounts": (dict.fromkeys("ba", MountRecord(pose=NO_POSE)),
-               "the order of its mounts differs: `a`, `b` in the first build and `b`, `a` in the second"),
+               "the order of the mounts (`a`, `b` and `b`, `a`)"),
     "expectations": (
-        (MountExpectation(mount="a", text="t", label="t", child_mount="b"),), "its expected parts of mounts differs"
+        (MountExpectation(mount="a", text="t", label="t", child_mount="b"),), "the expected parts of mounts"
     ),
-    "references": (("t",), "its list of expected parts differs"),
-    "actuator": (ActuatorRecord(kind="servo"), "its actuator differs"),
-    "bom": ({"supplier": "A"}, "its bill of materials entries differ: `supplier`"),
-    "up": ((0.0, 0.0, 1.0), "its print orientation differs"),
-    "apart": ((1e-6, 5e-7), "its number or volume of its solids differs"),
-    "meshes": ({"hull": A_MESH}, "its meshes differ: `hull`"),
-    "pieces": ((A_MESH,), "its collision geometry differs"),
-    "fits": ({"box": Primitive(shape="box", size=(1.0, 1.0, 1.0), pose=NO_POSE)}, "its smallest enclosing shapes differ: `box`"),
+    "references": (("t",), "the list of expected parts"),
+    "actuator": (ActuatorRecord(kind="servo"), "the actuator"),
+    "bom": ({"supplier": "A"}, "the bill of materials entries (`supplier`)"),
+    "up": ((0.0, 0.0, 1.0), "the print orientation"),
+    "apart": ((1e-6, 5e-7), "the number or volume of solids"),
+    "meshes": ({"hull": A_MESH}, "the meshes (`hull`)"),
+    "pieces": ((A_MESH,), "the collision geometry"),
+    "fits": ({"box": Primitive(shape="box", size=(1.0, 1.0, 1.0), pose=NO_POSE)}, "the smallest enclosing shapes (`box`)"),
 }
 """By field of a record: another value and the expected message."""
 

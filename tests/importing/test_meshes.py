@@ -138,8 +138,8 @@ def test_open_mesh_cannot_repair_an_inertia(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("data", "said"), [
-    (b"", "`part.stl` is empty"), (b"x" * 50, "`part.stl` is truncated: it has 50 bytes, but a binary STL file has at least 84"),
-    (stl(1.0)[:-30], "`part.stl` is truncated: it declares 12 triangles, but has bytes for 11.4"),
+    (b"", "`part.stl` is empty"), (b"x" * 50, "`part.stl` is truncated: expected at least 84 bytes, found 50"),
+    (stl(1.0)[:-30], "`part.stl` is truncated: expected 12 triangles, found bytes for 11.4"),
 ])
 def test_truncated_meshes_are_reported_at_their_reference(data: bytes, said: str, tmp_path: Path) -> None:
     path, report = arm(tmp_path, data, inertia='<inertia ixx="0.05" ixy="0" ixz="0" iyy="0.05" iyz="0" izz="0.05"/>')

@@ -238,19 +238,19 @@ def test_mesh_data_is_cached_by_content(here: Path, monkeypatch: pytest.MonkeyPa
 
 
 BAD = {
-    "cut.stl": (lambda data: data[:-7], "declares 6 triangles, but has bytes for 5.86"),
+    "cut.stl": (lambda data: data[:-7], "expected 6 triangles, found bytes for 5.86"),
     "words.stl": (lambda data: b"solid nothing\nendsolid", "contains no triangles"),
-    "words.obj": (lambda data: b"v 0 0\nf 1 2 3\n", "is damaged, or is not OBJ"),
+    "words.obj": (lambda data: b"v 0 0\nf 1 2 3\n", "is not a valid OBJ file"),
     "nan.stl": (lambda data: data[:96] + b"\xff\xff\xff\xff" + data[100:], "has a coordinate that is not finite"),
-    "far.obj": (lambda data: b"v 1e308 0 0\nv -1e308 0 0\nv 0 1e308 0\nf 1 2 3\n", "but at most 1e+06 m is supported"),
-    "bomb.stl": (lambda data: data[:80] + (6_000_000).to_bytes(4, "little") + data[84:], "declares 6000000 triangles"),
+    "far.obj": (lambda data: b"v 1e308 0 0\nv -1e308 0 0\nv 0 1e308 0\nf 1 2 3\n", "(at most 1e+06 m is supported)"),
+    "bomb.stl": (lambda data: data[:80] + (6_000_000).to_bytes(4, "little") + data[84:], "expected 6000000 triangles"),
     "bomb.ply": (lambda data: b"ply\nformat ascii 1.0\nelement vertex 3\nelement face 9000000\nend_header\n", "has 9000000 triangles"),
-    "text.glb": (lambda data: b"no glTF", "is damaged, or is not GLB"),
-    "text.dae": (lambda data: b"<COLLADA><oops></COLLADA>", "is damaged, or is not DAE (XML Parsing Error: "),
-    "page.dae": (lambda data: b"<!DOCTYPE html><html><body>404</body></html>", "is not COLLADA: it has no `<COLLADA xmlns=...>`"),
+    "text.glb": (lambda data: b"no glTF", "is not a valid GLB file"),
+    "text.dae": (lambda data: b"<COLLADA><oops></COLLADA>", "is not a valid DAE file (XML Parsing Error: "),
+    "page.dae": (lambda data: b"<!DOCTYPE html><html><body>404</body></html>", "contains no `<COLLADA xmlns=...>`"),
     "asset.dae": (
         lambda data: b'<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset/></COLLADA>',
-        "is empty: it has no `<scene>`",
+        "contains no `<scene>`",
     ),
 }
 
@@ -274,17 +274,17 @@ def test_open_mesh_requires_a_given_inertia(here: Path) -> None:
     for said in ("material: steel", "mass: 1 kg"):
         compilation, _ = compile_and_build(here, link.format(said), [])
         (fault,) = compilation.report.diagnostics
-        assert fault.code is Code.NO_MATERIAL and "the surface of `meshes/open.stl` is not closed" in fault.message
+        assert fault.code is Code.NO_MATERIAL and "the open mesh `meshes/open.stl`" in fault.message
 
 
-@pytest.mark.parametrize(("unit", "words"), [("mm", "under 1 mm long"), ("m", None)])
+@pytest.mark.parametrize(("unit", "words"), [("mm", "is shorter than 1 mm"), ("m", None)])
 def test_implausible_unit_is_a_warning(here: Path, unit: str, words: str | None) -> None:
     compilation, _ = compile_and_build(here, f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/m.stl, unit: {unit}}}]}}\n", [])
     said = [one for one in compilation.report.diagnostics if one.code is Code.SIZE]
     assert [words in one.message for one in said] == ([True] if words is not None else [])
     assert all("unit: m" in (one.help or "") for one in said)
     compilation, _ = compile_and_build(here, f"  base: {{link: true, {GIVEN}, shapes: [{{mesh: meshes/mm.stl, unit: m}}]}}\n", [])
-    assert any(one.code is Code.SIZE and "over 10 m long" in one.message for one in compilation.report.diagnostics)
+    assert any(one.code is Code.SIZE and "is longer than 10 m" in one.message for one in compilation.report.diagnostics)
 
 
 def test_material_library_outside_the_folder_is_not_read(here: Path) -> None:

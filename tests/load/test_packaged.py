@@ -62,7 +62,7 @@ def test_part_folder_takes_precedence_over_packages(tmp_path: Path, installed: P
     ("nuts.away", Code.MISSING_FILE, "there is no document `nuts.away` in the package `nuts`",
      # a link out of the package
      "did you mean `nuts.metals`?"),
-    ("missing.metals", Code.MISSING_FILE, "there is no document `missing.metals`: the package `missing` is not installed", "install it"),
+    ("missing.metals", Code.MISSING_FILE, "the package `missing` is not installed", "install the package `missing`"),
     ("bolts.metals", Code.FILE_TYPE, "expected a materials document (.yaml, .yml, .toml), found `bolts.metals`",
      "did you mean `nuts.metals`?"),  # installed, and not allowed
     ("metals.txt", Code.FILE_TYPE, "expected a materials document (.yaml, .yml, .toml), found `metals.txt`", None),

@@ -138,7 +138,7 @@ def test_default_part_folder_must_not_link_outside(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("text", "code", "message", "help", "place"), [
-    ("parts = []\n", Code.HEADER, "the key `thingc`, which specifies kind and version, is missing",
+    ("parts = []\n", Code.HEADER, "the key `thingc` is missing",
      'start the document with `thingc = "workspace/1"`', (1, 1)),
     ('thingc = "workspace/2"\n', Code.HEADER, "unknown version `2` of `workspace`", 'write `thingc = "workspace/1"`', (1, 10)),
     ('thingc = "assembly/1"\n', Code.WRONG_KIND, "expected a document of kind `workspace`, found `assembly`",

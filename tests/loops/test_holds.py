@@ -230,7 +230,7 @@ def test_mode_that_does_not_close_at_its_start_is_an_error(tmp_path: Path) -> No
         poses=POSES, modes=f"  m: {{root: front.sole, pose: lifted, hold: {{rear.sole: {written(AWAY @ MATE)}}}}}\n",
     ))
     assert found.said == [(
-        "TC604", "mode `m` cannot hold `rear/sole` in place from pose `lifted`: the smallest error found is 26.8 mm and 23.4 deg",
+        "TC604", "the held mount `rear/sole` moves in mode `m` from pose `lifted` (smallest error: 26.8 mm and 23.4 deg)",
         "start from the pose `arched`, in which the loops close", 23,
     )]
 
@@ -343,7 +343,7 @@ def test_unreachable_hold_reports_the_remaining_error(tmp_path: Path) -> None:
     mode = f"  m:\n    root: post\n    pose: up\n    hold:\n      arm.tip: {written(beyond @ MATE)}\n"
     found = compiled(tmp_path, LEVER + mode)
     assert found.said == [(
-        "TC604", "mode `m` cannot hold `arm/tip` in place: the smallest error found is 100 mm and 0 deg",
+        "TC604", "the held mount `arm/tip` moves in mode `m` (smallest error: 100 mm and 0 deg)",
         "move the mount under `hold`, or widen the limits of the joints", 16,
     )]
 
@@ -354,7 +354,7 @@ def test_limits_are_respected_when_closing(tmp_path: Path) -> None:
     found = compiled(tmp_path, LEVER + f"  m: {{root: post, pose: up, hold: {{arm.tip: {written(held @ MATE)}}}}}\n")
     chord = 400 * np.sin(np.radians(7.5))
     assert [line[1] for line in found.said] == [
-        f"mode `m` cannot hold `arm/tip` in place: the smallest error found is {chord:.3g} mm and 15 deg"
+        f"the held mount `arm/tip` moves in mode `m` (smallest error: {chord:.3g} mm and 15 deg)"
     ]
 
 
@@ -388,7 +388,7 @@ def test_component_hold_uses_its_origin_without_mate(tmp_path: Path) -> None:
 def test_hold_on_the_root_is_an_error(tmp_path: Path) -> None:
     found = compiled(tmp_path, LEVER + "  m: {root: arm.tip, hold: {arm.hub: here, post: here}}\n")
     assert found.said == [(
-        "TC603", "mode `m` holds `arm/hub`, which does not move: it is on the root `arm`",
+        "TC603", "`arm/hub` under `hold` of mode `m` is on the root link `arm`",
         "list a mount of another link under `hold`, or remove the mount", 12,
     )]
 
@@ -397,7 +397,7 @@ def test_hold_of_one_mount_by_two_names_is_an_error(tmp_path: Path) -> None:
     found = compiled(
         tmp_path, LEVER + "  m: {root: post, hold: {arm.tip: here, end: here}}\nmounts: {end: arm.tip}\n",
     )
-    assert found.said == [("TC603", "mode `m` holds `arm/tip` twice", "remove one of the two entries from `hold`", 12)]
+    assert found.said == [("TC603", "`arm/tip` is listed twice under `hold` of mode `m`", "remove one of the two entries from `hold`", 12)]
 
 
 @pytest.mark.parametrize(
@@ -407,12 +407,13 @@ def test_hold_of_one_mount_by_two_names_is_an_error(tmp_path: Path) -> None:
         ("{arn.tip: here}", ("TC302", "this document has no component `arn`", "did you mean `arm`?", 12)),
         ("{arm.tip: there}", ("TC204", "expected `here`, found the string `there`", "did you mean `here`?", 12)),
         ("{arm.tip: {xyz: 0 0 3 kg}}", ("TC207", None, None, 12)),
-        ("{arm.tip: {}}", ("TC212", "a hold needs `at: here`, or `xyz` and `rpy`", "write, for example, `at: here`", 12)),
-        ("{arm.tip: {carries: force}}", ("TC212", "a hold needs `at: here`, or `xyz` and `rpy`", "write, for example, `at: here`", 12)),
+        ("{arm.tip: {}}", ("TC212", "an entry of `hold` requires `at: here`, or `xyz` and `rpy`", "write, for example, `at: here`", 12)),
+        ("{arm.tip: {carries: force}}",
+         ("TC212", "an entry of `hold` requires `at: here`, or `xyz` and `rpy`", "write, for example, `at: here`", 12)),
         ("{arm.tip: {at: here, xyz: 0 0 0}}",
-         ("TC212", "a hold cannot have both `at` and `xyz`", "remove `at` or `xyz`", 12)),
+         ("TC212", "an entry of `hold` cannot have both `at` and `xyz`", "remove `at` or `xyz`", 12)),
         ("{arm.tip: {xyz: 0 0 0, rpy: 0 0 90 deg, carries: force}}",
-         ("TC212", "a hold with `carries: force` fixes only a point, so `rpy` has no effect", "remove `rpy`", 12)),
+         ("TC212", "`rpy` has no effect with `carries: force`", "remove `rpy`", 12)),
         ("{arm.tip: {at: here, carries: torque}}", ("TC204", None, None, 12)),
     ],
 )

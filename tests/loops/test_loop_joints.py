@@ -327,12 +327,12 @@ def test_impossible_loop_is_reported_once(tmp_path: Path) -> None:
     found = compiled(tmp_path, text)
     line = next(number for number, words in enumerate(text.splitlines(), 1) if words.startswith("  wrist:"))
     assert [(code, where) for code, _, _, where in found.said] == [("TC604", line)]
-    assert found.said[0][1] == "the loop through joint `wrist` does not close: the smallest error found is 20 mm and 0 deg"
+    assert found.said[0][1] == "the loop through joint `wrist` does not close (smallest error: 20 mm and 0 deg)"
     assert found.said[0][2] == "change the lengths in the loop, or the limits of its joints"
 
 
 @pytest.mark.parametrize(("off", "said"), [
-    ("0.00004 mm", []), ("0.002 mm", ["the loop through joint `wrist` does not close: the smallest error found is 0.002 mm and 0 deg"]),
+    ("0.00004 mm", []), ("0.002 mm", ["the loop through joint `wrist` does not close (smallest error: 0.002 mm and 0 deg)"]),
 ])
 def test_tiny_gap_across_the_plane_is_tolerated(off: str, said: list[str], tmp_path: Path) -> None:
     """All joints turn about z, and one end is slightly higher, which no joint can correct. In the plane the loop closes to the last

@@ -178,11 +178,11 @@ def test_rename_edits_unsaved_documents_and_python(editor: Editor, user: Path) -
 
 REFUSED = {
     ("walker.yaml", "  bo|dy:\n", "leg_1"): "there is already a component `leg_1`",
-    ("walker.yaml", "  bo|dy:\n", "Nose"): "there is already an exported mount `nose`, which differs from `Nose` only in case",
-    ("walker.yaml", "  bo|dy:\n", "origin"): "`origin` is reserved and cannot be the name of a component",
-    ("walker.yaml", "  bo|dy:\n", "a b"): "`a b` is not a valid name: use a letter, then letters, digits and `_`",
-    ("walker.yaml", "  bo|dy:\n", "true"): "`true` is not a string in YAML unless it is quoted: choose another name",
-    ("walker.yaml", "  stan|ce: 20", "sin"): "`sin` is reserved in expressions and cannot be the name of a parameter",
+    ("walker.yaml", "  bo|dy:\n", "Nose"): "there is already an exported mount `nose` with different case",
+    ("walker.yaml", "  bo|dy:\n", "origin"): "a component cannot have the reserved name `origin`",
+    ("walker.yaml", "  bo|dy:\n", "a b"): "`a b` is not a valid name: use letters, digits and `_` after a letter",
+    ("walker.yaml", "  bo|dy:\n", "true"): "`true` is a reserved word of YAML: choose another name",
+    ("walker.yaml", "  stan|ce: 20", "sin"): "a parameter cannot have the reserved name `sin`",
     ("walker.yaml", "  stan|ce: 20", "k"): "there is already an index `k`",
     ("walker.yaml", "as: |k}", "half"): "there is already a parameter `half`",
     ("walker.yaml", "  w|ag:\n", "leg_knee"):  # the pattern `*knee` would fit it
@@ -191,10 +191,10 @@ REFUSED = {
     ("walker.yaml", "assembly: hea|d.toml", "x"): "`thingc rename` does not rename files, such as `head.toml`",
     ("walker.yaml", "  wag: {t|ype: joint}", "x"): "there is no name at this position",
     ("user.yaml", "brackets:W|ide", "x"): "`thingc rename` does not rename classes, such as `Wide`",
-    ("user.yaml", "two.ri|m", "x"): "cannot find the definition of the mount of a part `rim` of `brackets:Wide` without running its code",
+    ("user.yaml", "two.ri|m", "x"): "the definition of the mount of a part `rim` was not found in the code of `brackets:Wide`",
     ("user.yaml", "one.se|at", "rest"): "`Bracket` already has a `rest`",
-    ("user.yaml", "one.se|at", "for"): "`for` is a Python keyword and cannot be the name of a mount of a part",
-    ("user.yaml", "materials: {re|d:", "blue"): "`parts/brackets.py` also uses the material `red`: rename it there by hand",
+    ("user.yaml", "one.se|at", "for"): "a mount of a part cannot have the Python keyword `for` as its name",
+    ("user.yaml", "materials: {re|d:", "blue"): "`parts/brackets.py` also uses the material `red`: rename the material by hand",
 }
 
 
@@ -207,11 +207,11 @@ def test_invalid_renames_are_refused_with_a_message(editor: Editor, user: Path) 
 
 def test_rename_refuses_ambiguous_uses_in_other_parts(editor: Editor, user: Path) -> None:
     (user / "parts/others.py").write_text("from brackets import Bracket\n\n\ndef seat_of(bracket):\n    return bracket.seat\n")
-    refused = "`seat` at parts/others.py:5 may refer to this mount of a part of `Bracket`: rename it there by hand"
+    refused = "`seat` at parts/others.py:5 may refer to the mount of a part of `Bracket`: rename by hand"
     with pytest.raises(JsonRpcException, match=refused):
         ask(editor, "rename", user / "user.yaml", "one.se|at", newName="perch")
     (user / "parts/others.py").write_text("from brackets import Bracket\n\n\ndef perch_of(other):\n    return other.perch\n")
-    refused = "`perch` at parts/others.py:5 would then refer to this mount of a part of `Bracket`: choose another name"
+    refused = "`perch` at parts/others.py:5 would refer to the mount of a part of `Bracket`: choose another name"
     with pytest.raises(JsonRpcException, match=refused):
         ask(editor, "rename", user / "user.yaml", "one.se|at", newName="perch")
     (user / "parts/others.py").write_text("class Other:\n    def result(self):\n        return self.p.width, self.seat\n")  # its own
@@ -230,10 +230,10 @@ def test_broken_text_uses_the_last_valid_state(editor: Editor, folder: Path) -> 
     assert ask(editor, "definition", path, "ta|il: {frame: [") == []
     assert ask(editor, "semanticTokens/full", path).data
     assert "tail" not in [one.name for one in ask(editor, "documentSymbol", path)[4].children]
-    with pytest.raises(JsonRpcException, match="`walker.yaml` contains `leg` but cannot be parsed: fix the file first"):
+    with pytest.raises(JsonRpcException, match="`walker.yaml`, which contains `leg`, cannot be parsed: fix the file first"):
         ask(editor, "rename", path, "child: l|eg_$n", newName="limb")
     editor.open(folder / "leg.yaml")
-    with pytest.raises(JsonRpcException, match="`walker.yaml` contains `socket` but cannot be parsed"):
+    with pytest.raises(JsonRpcException, match="`walker.yaml`, which contains `socket`, cannot be parsed"):
         ask(editor, "rename", folder / "leg.yaml", "{so|cket", newName="cup")
     assert applied(ask(editor, "rename", folder / "leg.yaml", "  thi|gh:", newName="femur")) == {"leg.yaml": LEG.replace("thigh", "femur")}
 

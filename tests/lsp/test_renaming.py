@@ -136,7 +136,7 @@ def test_rename_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys:
     for words, said in {
         ("joints.kne", "x"): "`leg.yaml` has no `joints.kne`\n  help: did you mean `knee`?",
         ("joints.knee.limit", "x"): "`joints.knee.limit` cannot be renamed",
-        ("joints.knee", "origin"): "`origin` is reserved and cannot be the name of a joint",
+        ("joints.knee", "origin"): "a joint cannot have the reserved name `origin`",
     }.items():
         assert main(["rename", "leg.yaml", *words]) == 2
         assert said in capsys.readouterr().out

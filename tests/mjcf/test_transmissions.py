@@ -307,7 +307,7 @@ joints: {{wrist: {{type: continuous, parent: inner.arm.origin, child: hand.origi
     with pytest.raises(thingc.CompileError) as caught:
         thingc.compile(tmp_path / "outer.yaml")
     found = [(one.code.code, one.message) for one in caught.value.diagnostics]
-    assert found == [("TC365", "actuator `inner/servo` is used twice: it drives `wrist` and `inner/turn`")]
+    assert found == [("TC365", "actuator `inner/servo` drives both `wrist` and `inner/turn`")]
 
 
 def test_loops_are_not_cut_at_joints_of_a_differential(tmp_path: Path) -> None:

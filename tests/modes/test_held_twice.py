@@ -97,7 +97,7 @@ def test_moving_hold_is_an_error(made: Made) -> None:
     """The root is at rest, but the other foot is not."""
     one, other = stir(np.random.default_rng(3), made.data("near")), made.data("bridge")
     before = other.mocap_pos.copy()
-    with pytest.raises(BaseMoves, match="^mode `bridge` holds `c8` at rest, but this link moves at ") as refused:
+    with pytest.raises(BaseMoves, match="^link `c8` must not move in mode `bridge`, found ") as refused:
         made.modes.switch(("near", one), ("bridge", other))
     assert (other.mocap_pos == before).all()
     dropped = made.modes.switch(("near", one), ("bridge", other), on_motion="drop")
@@ -159,7 +159,7 @@ def test_fixed_mode_requires_hold_at_its_place(made: Made) -> None:
     assert equality_violation(other) < 1e-9
     before = other.mocap_pos.copy()
     source.joint("j8").qpos += 0.25
-    with pytest.raises(BaseElsewhere, match="^mode `bolted` fixes `c8` to the world, but this link is ") as refused:
+    with pytest.raises(BaseElsewhere, match="^link `c8` is ") as refused:
         robot.switch(("near", source), ("bolted", other))
     assert refused.value.angle == pytest.approx(0.25, abs=1e-9)
     assert (other.mocap_pos == before).all()
@@ -199,7 +199,7 @@ def test_model_with_changed_geometry_is_rejected(made: Made, name: str) -> None:
     made.modes.read("bridge", data)
     ELSEWHERE[name](model)
     kind, thing = name.split(" ")[:2]
-    with pytest.raises(WrongData, match=f"{kind} `{thing}` differs by 0.0[01][0-9]* "):
+    with pytest.raises(WrongData, match=f"{kind} `{thing}` differs by 0.0[01][0-9]*"):
         made.modes.read("bridge", data)
     start = made.data("near")
     with pytest.raises(WrongData, match="belongs to another variant"):

@@ -201,29 +201,29 @@ WRONG: dict[str, tuple[Callable[[Made], object], type[Exception], str]] = {
     ),
     "data of another mode": (
         lambda made: made.modes.read("front", made.data("crawl")), WrongData,
-        "the data for mode `front` belongs to the model of another mode: expected a held `front`, found `body` under the world",
+        "expected data of mode `front` with a held base `front`, found data of another mode with the base `body`",
     ),
     "data of a mode that holds another link": (
         lambda made: made.modes.switch(("crawl", made.data("crawl")), ("front", made.data("rear"))), WrongData,
-        "the data for mode `front` belongs to the model of another mode: expected a held `front`, found `rear` under the world",
+        "expected data of mode `front` with a held base `front`, found data of another mode with the base `rear`",
     ),
     "a base of another kind": (
         lambda made: made.modes.read("bolted", made.data("front")), WrongData,
-        "the data for mode `bolted` belongs to the model of another mode: expected a fixed `front`, found `front` under the world",
+        "expected data of mode `bolted` with a fixed base `front`, found data of another mode with the base `front`",
     ),
     "data of another robot": (
         lambda made: made.modes.read("front", mujoco.MjData(mujoco.MjModel.from_xml_string("<mujoco/>"))), WrongData,
-        "the data for mode `front` belongs to a model without a link `front`",
+        "the model of the data for mode `front` has no link `front`",
     ),
     "a base that moves": (
         lambda made: made.modes.switch(made.modes["crawl"].state(base_twist=[0.3, 0.4, 0, 0, 0, 0]), "front"), ModesError,
-        "mode `front` holds `front` at rest, but this link moves at 0.5 m/s and 0 rad/s: choose on_motion=\"drop\" (the joints' "
-        "velocities stay as they are) or on_motion=\"impact\" (a perfectly inelastic catch)",
+        "link `front` must not move in mode `front`, found 0.5 m/s and 0 rad/s: use "
+        "on_motion=\"drop\" or on_motion=\"impact\"",
     ),
     "a base that is elsewhere": (
         lambda made: made.modes.switch(made.modes["front"].state(base_pose=t(0, 0, 0.25) @ rx(0.5)), "bolted"), ModesError,
-        "mode `bolted` fixes `front` to the world, but this link is 0.25 m and 0.5 rad away from its fixed pose (tolerance 1e-06): move "
-        "the link to this pose first, or use `base: held` for the mode",
+        "link `front` is 0.25 m and 0.5 rad away from its fixed pose in mode `bolted` (tolerance: 1e-06): move the link, "
+        "or use `base: held`",
     ),
     "an unknown choice": (
         lambda made: made.modes.switch(made.modes["front"].state(), "rear", on_motion="stop"), ModesError,  # type: ignore[arg-type]

@@ -58,21 +58,18 @@ def test_another_servo_on_a_brace(shared_store):
 @pytest.mark.parametrize(("document", "text", "words"), [
     # the wall of 5 mm, 0.1 mm of play, and 3 mm of thread in the case of the XM430
     (ARM, (ARM, "{size: M2.5, length: 8 mm}", "{size: M2.5, length: 10 mm}"),
-     "`plate_screw_0` on `plate.servo_screw_0` is 10 mm long, 1.9 mm too long: "
-     "the distance to `yaw_servo.left` is 5.1 mm, and the threaded hole is 3 mm deep"),
+     "`plate_screw_0` on `plate.servo_screw_0` (10 mm) is too long for the hole at `yaw_servo.left` (at most 8.1 mm)"),
     (ARM, (ARM, "{size: M2.5, length: 8 mm}", "{size: M2.5, length: 6 mm}"),
-     "`plate_screw_0` on `plate.servo_screw_0` engages 0.9 mm of the thread at `yaw_servo.left`, but at least 2 mm are needed"),
+     "`plate_screw_0` on `plate.servo_screw_0` engages only 0.9 mm of the thread at `yaw_servo.left` (at least 2 mm required)"),
     # a flange of 3 mm, and 5 mm of the hand
     (ARM, (HAND, "{size: M3, length: 8 mm}", "{size: M3, length: 12 mm}"),
-     "`hand.cap_screw_0` on `hand.cap.screw_0` is 12 mm long, 4 mm too long: "
-     "the distance to `hand.fixture.cap_seat` is 3 mm, and the threaded hole is 5 mm deep"),
+     "`hand.cap_screw_0` on `hand.cap.screw_0` (12 mm) is too long for the hole at `hand.fixture.cap_seat` (at most 8 mm)"),
     # a cover of 3 mm, and holes of 8 mm
     (MINCHW, (MINCHW, "{size: M2.5, length: 10 mm}", "{size: M2.5, length: 12 mm}"),
-     "`cover_screw_0` on `cover.screw_0` is 12 mm long, 1 mm too long: "
-     "the distance to `body.rim` is 3 mm, and the threaded hole is 8 mm deep"),
+     "`cover_screw_0` on `cover.screw_0` (12 mm) is too long for the hole at `body.rim` (at most 11 mm)"),
     # a disc of 5 mm, and holes of 6 mm
     (MINCHW, (LEG, "{size: M3, length: 10 mm}", "{size: M3, length: 16 mm}"),
-     "is 16 mm long, 5 mm too long: the distance to `front.magnet.back` is 5 mm, and the threaded hole is 6 mm deep"),
+     "(16 mm) is too long for the hole at `front.magnet.back` (at most 11 mm)"),
 ])
 def test_screw_of_another_length(shared_store, document, text, words):
     said = found(document, shared_store, [text])
@@ -89,7 +86,7 @@ def test_screws_of_the_thigh(shared_store):
     })) as environment:
         said = [one.message for one in pipeline.check(environment).report.sorted_diagnostics() if one.code.code in CODES]
     assert len(said) == 2
-    assert "`front.thigh_screw` on `front.thigh.screw_0` is 14 mm long, 2 mm too long: the distance to `front.thigh_idler.web`" in said[0]
+    assert "`front.thigh_screw` on `front.thigh.screw_0` (14 mm) is too long for the hole at `front.thigh_idler.web`" in said[0]
 
 
 @pytest.mark.parametrize("servo", ["XM430", "XL430"])

@@ -190,7 +190,7 @@ def test_impure_input_is_reported_when_part_is_cached(robot: Callable[..., tuple
         code, answer = robot(*words)
         assert code == 0
         said.append([(one["code"], one["message"], [note["line"] for note in one["notes"]]) for one in answer["diagnostics"]])
-    wanted = "reads the environment variable `SIZE`, which is not available to parts"
+    wanted = "reads the unavailable environment variable `SIZE`"
     first = [("TC408", f"`arm:Block` {wanted}", [4]), ("TC408", f"`arm:Other` {wanted}", [10])]
     assert said == [first, first, first]
     assert answer["modelled"] == []
@@ -219,4 +219,4 @@ def test_missing_environment_variable_is_named(place: Any, define: Callable[...,
     """))
     with place.service() as service:
         failure = service.realize([define("arm:part")])["arm:part"]
-    assert failure.message == "KeyError: 'WIDTH'; parts run in a fixed environment, which does not contain `WIDTH`"
+    assert failure.message == "KeyError: 'WIDTH'; the environment of parts does not contain `WIDTH`"

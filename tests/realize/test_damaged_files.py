@@ -134,24 +134,24 @@ def inflating_3mf() -> bytes:
     return zipped(box_3mf().replace(b"<build>", b" " * LARGEST + b"<build>"))
 
 
-OBJECTS = f"has {2**40 - 1 + 1} objects, counted once per placement, but at most {INSTANCES} are supported"
+OBJECTS = f"has {2**40 - 1 + 1} placed objects (at most {INSTANCES} are supported)"
 CYCLE = '<object id="1"><components><component objectid="1"/></components></object>'
 
 
 @pytest.mark.parametrize(("name", "data", "words"), [
     ("nested.3mf", nested_3mf(), OBJECTS),
-    ("cycle.3mf", zipped(model_3mf(CYCLE, "1")), "has objects that contain themselves, or are nested deeper than 100 levels"),
-    ("nested.dae", nested_dae(), f"but at most {INSTANCES} are supported"),
-    ("nested.dae", nested_dae().decode().replace("utf-8", "utf-16").encode("utf-16"), f"but at most {INSTANCES} are supported"),
+    ("cycle.3mf", zipped(model_3mf(CYCLE, "1")), "has more than 100 levels of nested objects"),
+    ("nested.dae", nested_dae(), f"(at most {INSTANCES} are supported)"),
+    ("nested.dae", nested_dae().decode().replace("utf-8", "utf-16").encode("utf-16"), f"(at most {INSTANCES} are supported)"),
     ("often.dae", content("box.dae").replace(b"<instance_geometry", INSTANCES * b"<instance_geometry url='#x'/>" + b"<instance_geometry"),
-     f"has {INSTANCES + 3} objects"),
-    ("sparse.glb", glb(15_000_003), "has 5000001 triangles, but at most"),
-    ("negative.glb", glb(-3_000_000_000), "has 9000000000 numbers, but at most"),
-    ("shared.glb", glb(1_000_000, accessors=20, kind="MAT4"), "has 320000000 numbers, but at most 200000000 are supported"),
+     f"has {INSTANCES + 3} placed objects"),
+    ("sparse.glb", glb(15_000_003), "has 5000001 triangles (at most"),
+    ("negative.glb", glb(-3_000_000_000), "has 9000000000 numbers (at most"),
+    ("shared.glb", glb(1_000_000, accessors=20, kind="MAT4"), "has 320000000 numbers (at most 200000000 are supported)"),
     ("primitives.glb", glb(3, primitives=INSTANCES), f"has {INSTANCES + 1} nodes and placed objects"),
     ("nodes.glb", glb(3, nodes=101, primitives=99), "has 10100 nodes and placed objects"),
     ("empty.glb", b"", "is empty"),
-    ("inflating.3mf", inflating_3mf, "bytes of XML, but at most 200000000 are supported"),
+    ("inflating.3mf", inflating_3mf, "bytes of XML (at most 200000000 are supported)"),
 ])
 def test_declared_sizes_are_limited_before_reading(
     name: str, data: bytes | Callable[[], bytes], words: str, tmp_path: Path,
@@ -168,7 +168,7 @@ def test_declared_sizes_are_limited_before_reading(
 ])
 def test_triangles_are_counted_before_reading(suffix: str, data: bytes) -> None:
     check_mesh_file(suffix, data, 11)
-    with pytest.raises(BadMesh, match="has 11 triangles, but at most 10 are supported"):
+    with pytest.raises(BadMesh, match=r"has 11 triangles \(at most 10 are supported\)"):
         check_mesh_file(suffix, data, 10)
 
 
@@ -189,7 +189,7 @@ def test_triangles_of_instanced_meshes_are_multiplied(tmp_path: Path) -> None:
         scene.graph.update(f"n{k}", geometry="ball", matrix=trimesh.transformations.translation_matrix((3.0 * k, 0.0, 0.0)))
     path = tmp_path / "often.glb"
     path.write_bytes(scene.export(file_type="glb"))
-    with pytest.raises(BadPartFile, match=f"triangles, but at most {MOST} are supported"):
+    with pytest.raises(BadPartFile, match=rf"triangles \(at most {MOST} are supported\)"):
         read_mesh(str(path), ".glb", 1.0)
 
 
@@ -208,6 +208,6 @@ def test_files_the_kernel_cannot_read_are_invalid(place: Any, define_file: Any) 
         found = service.realize([define_file(name) for name in files])
     assert all(isinstance(failure, PartFailure) and failure.kind == "invalid" for failure in found.values()), found
     assert [found[name].message for name in files] == [
-        "the file is truncated, or is not BREP", "the STEP file contains no shape",
-        "the file is damaged, or the CAD kernel cannot read it (killed by SIGSEGV)",
+        "the file is not a complete BREP file", "the STEP file contains no shape",
+        "the CAD kernel cannot read the file (killed by SIGSEGV)",
     ]

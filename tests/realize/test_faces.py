@@ -146,8 +146,7 @@ def test_large_deviation_is_reported(records: dict[str, PartRecord | PartFailure
     coarse = read(module_place.store, scan.meshes["simulation"])
     (warning,) = scan.warnings
     said = re.fullmatch(
-        r"the simulation mesh of (\d+) triangles is up to ([\d.]+) mm away from the surface of the part "
-        r"\(([\d.]+) % of the size\); increase `faces`", warning.message,
+        r"the simulation mesh \((\d+) triangles\) deviates from the part by up to ([\d.]+) mm; increase `faces`", warning.message,
     )
     assert said is not None and int(said[1]) == len(coarse.faces) <= 60
     metres = bumpy().apply_scale(0.001)
@@ -156,7 +155,6 @@ def test_large_deviation_is_reported(records: dict[str, PartRecord | PartFailure
         for of_, to in ((metres, coarse), (coarse, metres)) for corner in of_.vertices
     ]
     assert float(said[2]) == pytest.approx(max(apart) * 1000.0, rel=0.06)
-    assert float(said[3]) == pytest.approx(100.0 * max(apart) * 1000.0 / np.ptp(bumpy().vertices, axis=0).max(), rel=0.06)
 
 
 # --- meshes that are hard to simplify ---------------------------------------------------------------------------------
@@ -184,7 +182,7 @@ def test_touching_bodies_stay_closed() -> None:
 def test_limit_that_cannot_be_reached_is_an_error() -> None:
     """A torus needs more triangles to keep its hole."""
     torus = of(trimesh.creation.torus(10.0, 3.0))
-    with pytest.raises(NoPart, match=r"its surface cannot be simplified to 8 triangles without gaps") as refused:
+    with pytest.raises(NoPart, match=r"8 triangles would leave gaps in the surface") as refused:
         simplify(torus, 8)
     assert refused.value.kind == "unbounded"
 

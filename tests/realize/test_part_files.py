@@ -154,7 +154,7 @@ def test_open_surface_is_repaired_with_a_warning(name: str, change: Any, words: 
     assert isinstance(record, PartRecord), record
     assert record.volume == pytest.approx(24e-6, rel=1e-6)
     assert [warning.message for warning in record.warnings] == (
-        [f"its surface was not closed and was repaired ({words})"] if words is not None else []
+        [f"repaired the open surface ({words})"] if words is not None else []
     )
 
 
@@ -171,7 +171,7 @@ def test_multiple_colours_are_reported(module_place: Any) -> None:
     assert isinstance(one, PartRecord) and isinstance(two, PartRecord)
     assert (one.color, one.warnings) == ("#ff0000", ())
     assert two.color is None and [warning.message for warning in two.warnings] == [
-        "the solids have 2 colours, `#0000ff`, `#ff0000`: the part gets the colour of its material",
+        "expected one colour, found `#0000ff`, `#ff0000`: the material determines the colour",
     ]
 
 
@@ -201,7 +201,7 @@ def test_opposite_duplicate_triangles_are_removed(change: Any, module_place: Any
         record = service.realize([filed("sides.stl", None)])["sides.stl"]
     assert isinstance(record, PartRecord), record
     assert record.volume == pytest.approx(24e-6, rel=1e-6)
-    assert [warning.message for warning in record.warnings] == ["removed triangles that are equal but face the other way: 12"]
+    assert [warning.message for warning in record.warnings] == ["opposite triangles removed: 12"]
 
 
 def test_overlapping_solids_of_a_file_are_reported(module_place: Any) -> None:
@@ -211,7 +211,7 @@ def test_overlapping_solids_of_a_file_are_reported(module_place: Any) -> None:
         record = service.realize([filed("two.stl", None)])["two.stl"]
     assert isinstance(record, PartRecord), record
     assert [warning.message for warning in record.warnings] == [
-        "its 2 solids overlap: 13120 of 48000 mm^3 are counted twice in volume and mass; unite the solids in the CAD program"
+        "the 2 solids overlap by 13120 mm^3; unite the solids in the CAD program"
     ]
 
 
@@ -226,20 +226,20 @@ def binary(faces: list[list[tuple[float, ...]]], count: int) -> bytes:
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("open.stl", None, "its surface is not closed: 6 edges belong to only one triangle, so it has no volume"),
-        ("words.stl", b"no triangles at all", "the file is truncated: it has 19 bytes"),
-        ("words.ply", b"no triangles at all", "the file is damaged, or is not PLY"),
-        ("words.glb", b"no triangles at all", "the file is damaged, or is not GLB"),
-        ("beyond.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "the file is damaged, or is not OBJ"),
-        ("short.stl", binary(BOX, 50), "the file is truncated: it declares 50 triangles, but has bytes for 12"),
-        ("long.stl", binary(BOX, 5), "the file has data after its end: it declares 5 triangles, but has bytes for"),
-        ("cut.stl", binary(BOX, 12)[:-80], "the file is truncated: it declares 12 triangles, but has bytes for 10.4"),
-        ("head.stl", bytes(50), "the file is truncated: it has 50 bytes, but a binary STL file has at least 84"),
-        ("text.stl", b"solid box\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\n", "the file is truncated: it has no `endsolid`"),
-        ("far.stl", binary([[(1e38, 0.0, 0.0), *BOX[0][1:]], *BOX[1:]], 12), "a coordinate is 1e+38 mm, which is too large for a part"),
-        ("words.brep", b"no shape at all", "the file is truncated, or is not BREP"),
+        ("open.stl", None, "the surface is not closed (6 edges belong to only one triangle)"),
+        ("words.stl", b"no triangles at all", "the file is truncated: expected at least 84 bytes, found 19"),
+        ("words.ply", b"no triangles at all", "the file is not a valid PLY file"),
+        ("words.glb", b"no triangles at all", "the file is not a valid GLB file"),
+        ("beyond.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "the file is not a valid OBJ file"),
+        ("short.stl", binary(BOX, 50), "the file is truncated: expected 50 triangles, found bytes for 12"),
+        ("long.stl", binary(BOX, 5), "the file has data after its end: expected 5 triangles, found bytes for"),
+        ("cut.stl", binary(BOX, 12)[:-80], "the file is truncated: expected 12 triangles, found bytes for 10.4"),
+        ("head.stl", bytes(50), "the file is truncated: expected at least 84 bytes, found 50"),
+        ("text.stl", b"solid box\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\n", "the file is truncated (no `endsolid`)"),
+        ("far.stl", binary([[(1e38, 0.0, 0.0), *BOX[0][1:]], *BOX[1:]], 12), "a coordinate is too large (1e+38 mm)"),
+        ("words.brep", b"no shape at all", "the file is not a complete BREP file"),
         ("words.step", b"no shape at all", "the STEP file contains no shape"),
-        ("gone.gltf", b'{"asset": {"version": "2.0"}, "buffers": [{"uri": "gone", "byteLength": 9}]}', "the file is damaged, or is not G"),
+        ("gone.gltf", b'{"asset": {"version": "2.0"}, "buffers": [{"uri": "gone", "byteLength": 9}]}', "the file is not a valid GLTF file"),
         ("endless.off", b"OFF\n3 1 0\n0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n", "a coordinate is not finite"),
     ],
 )

@@ -355,7 +355,7 @@ def test_invalid_file_parts(place: Any, define_file: Callable[[str], Any]) -> No
     assert {text: failure.kind for text, failure in found.items()} == {
         "open.obj": "invalid", "text.step": "invalid", "gone.step": "missing", "../outside.step": "refused",
     }
-    assert found["open.obj"].message == "its surface is not closed: 3 edges belong to only one triangle, so it has no volume"
+    assert found["open.obj"].message == "the surface is not closed (3 edges belong to only one triangle)"
     assert found["gone.step"].candidates == ("open.obj", "text.step")
 
 

@@ -557,7 +557,7 @@ def test_corners_are_free_of_noise(place: Place) -> None:
 
 
 @pytest.mark.parametrize(("offset", "words"), [
-    (5.0, ("its 2 solids overlap: 500 of 2000 mm^3 are counted twice in volume and mass; fuse the solids (`a + b`)",)),
+    (5.0, ("the 2 solids overlap by 500 mm^3; fuse the solids (`a + b`)",)),
     (9.9, ()), (10.0, ()),
 ])
 def test_overlapping_solids_are_reported(place: Place, offset: float, words: tuple[str, ...]) -> None:

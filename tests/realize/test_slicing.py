@@ -170,14 +170,14 @@ def test_upright_and_leaning_walls_agree() -> None:
 
 
 def test_parts_that_cannot_be_sliced() -> None:
-    with pytest.raises(NotSliced, match="is lower than one layer"):
+    with pytest.raises(NotSliced, match="lower than one layer"):
         slice_part(box(20, 20, 0.09), HOW)
-    with pytest.raises(NotSliced, match="is thinner than one printed line"):
+    with pytest.raises(NotSliced, match="thinner than one printed line"):
         slice_part(box(20, 0.02, 5), HOW)
-    with pytest.raises(NotSliced, match="would have 100000 layers"):
+    with pytest.raises(NotSliced, match="more than 20000 layers"):
         slice_part(box(20, 20, 20), replace(HOW, layer=2e-7, line_width=4e-7))
     open_box = box(20, 20, 20)
-    with pytest.raises(NotSliced, match="has a mesh that is not closed"):
+    with pytest.raises(NotSliced, match="the mesh is not closed"):
         slice_part(Triangles(open_box.vertices, open_box.faces[:-1]), HOW)
 
 

@@ -52,7 +52,7 @@ SCHEMAS: dict[str, PartSchema | PartFailure] = {
     "amr:Plate": PartFailure(subject="amr:Plate", kind="missing", message="there is no module `amr`", candidates=("arm", "legs")),
     "os:system": PartFailure(
         subject="os:system", kind="refused",
-        message="the module `os` must be in a part folder or in an allowed package",
+        message="the module `os` is not in a part folder or in an allowed package",
         candidates=("thingc_stock", "bd_warehouse"),
     ),
     "arm:Bad": PartFailure(

@@ -160,7 +160,7 @@ def test_missing_material_library_is_reported(tmp_path: Path, monkeypatch: pytes
         components: {a: {part: "arm:Plate"}}
         """)
     assert outcome.said == [
-        "TC339 arm.yaml:3:23 `bd_materials:pla` needs the package `bd_materials`, which is not installed"
+        "TC339 arm.yaml:3:23 `bd_materials:pla` requires the package `bd_materials`, which is not installed"
         " | install the package, or use `density` and `color` instead of `base`",
     ]
 

@@ -195,8 +195,8 @@ def test_other_errors_are_reported_in_the_same_run(tmp_path: Path) -> None:
         'TC206 several.yaml:3:23 unknown unit `blub`; did you mean `lb`?',
         'TC313 several.yaml:3:37 unknown name `raech` | did you mean `reach`?',
         'TC201 several.yaml:5:28 unknown key `colour` in `components.plate`'
-        ' | this key belongs to a material: set `material`, and define its `density` and `color` under `materials`',
-        'TC317 several.yaml:6:15 `arm:Rod` needs the parameter `length`, which is not set'
+        ' | set `material`, and define `density` and `color` under `materials`',
+        'TC317 several.yaml:6:15 `arm:Rod` requires the parameter `length`'
         ' | write `params: {length: 120 mm}`',
         'TC305 several.yaml:6:33 `arm:Rod` has no parameter `lenght` | did you mean `length`?',
         'TC315 several.yaml:7:45 parameter `length` of `arm:Brace` must be at most 500 mm, found `900 mm`',

@@ -247,7 +247,7 @@ def test_limit_repeated_by_an_alias_is_an_error(here: Path, capsys: pytest.Captu
     (here / "arm.yaml").write_text(text)
     assert main(["rezero", "arm.yaml", "one=0.5 rad"]) == 2
     out = capsys.readouterr().out
-    assert "`joints.one.limit.lower` cannot be set separately: an alias repeats the value" in out and "--> arm.yaml:8:" in out, out
+    assert "`joints.one.limit.lower` cannot be set separately (repeated by an alias" in out and "--> arm.yaml:8:" in out, out
     assert (here / "arm.yaml").read_text() == text
 
 

@@ -161,9 +161,9 @@ BAD = {
     "drive": ("type: free, drive: {kind: motor}", "TC338", "joint `grasp` is free and cannot have `drive`"),
     "offset": ("type: free, offset: [1 mm, 0, 0, 0, 0, 0]", "TC338", "joint `grasp` is free and cannot have `offset`"),
     "axis": ("type: free, axis: [0, 0, 1]", "TC338", "joint `grasp` is free and cannot have an `axis`"),
-    "mimic": ("type: free, mimic: {joint: close}", "TC325", "joint `grasp` is free: it cannot mimic"),
+    "mimic": ("type: free, mimic: {joint: close}", "TC325", "joint `grasp` is free and cannot have `mimic`"),
     "keep": (
-        "type: free, keep: true", "TC338", "joint `grasp` is free and cannot have `keep`: the joint always connects two separate links",
+        "type: free, keep: true", "TC338", "joint `grasp` is free and cannot have `keep`",
     ),
 }
 
@@ -185,8 +185,8 @@ def test_free_joint_in_a_loop_is_reported(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("value", "message"), [
-    ("10 mm", "joint `grasp` is free: its value in a pose must be `xyz`, `rpy` or `quat`"),
-    ("[0, 0, 0, 0, 0, 0]", "joint `grasp` is free: its value in a pose must be `xyz`, `rpy` or `quat`"),
+    ("10 mm", "the value of joint `grasp` (free) must be `xyz`, `rpy` or `quat`"),
+    ("[0, 0, 0, 0, 0, 0]", "the value of joint `grasp` (free) must be `xyz`, `rpy` or `quat`"),
 ])
 def test_invalid_pose_values_are_reported(tmp_path: Path, value: str, message: str) -> None:
     made = compiled(tmp_path, GRIPPER.replace("{grasp: {quat: [0, 1, 0, 0]}}", f"{{grasp: {value}}}"))

@@ -155,7 +155,7 @@ BAD = {
         "{assembly: arm.yaml, mode: held", "TC310", "mode `held` of `left` has `base: held`, which a nested assembly does not support",
     ),
     "mode: bench, at: {in: room.table, xyz: 300 0 0 mm}": (
-        "mode: bench", "TC212", "`left` has `mode` but no `at`, the pose at which the mode is placed",
+        "mode: bench", "TC212", "`mode` of component `left` requires `at`",
     ),
     "room: {link: true,": ("room: {link: true, mode: x,", "TC212", "`mode` can only be used with `assembly`"),
 }

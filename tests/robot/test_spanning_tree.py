@@ -188,7 +188,7 @@ def test_start_limits_are_reported_once_for_all_modes() -> None:
     check_starts(tuple(robots(linked(model, BASE, ARM)).values()), None, report, Memo())
     [(code, message, _, line)] = said(report)
     assert (code, line) == ("START_LIMITS", 200)
-    assert message == "mode `m` starts without a pose, which puts `j0` at 0, outside its limits 10 deg to 90 deg"
+    assert message == "mode `m` starts with `j0` at 0, outside its limits (10 deg to 90 deg)"
     more = [(f"also `{name}`", None, None) for name in ("j1", "j2", "j3")]
     assert notes(report) == [("`j0` is defined here", FILE, 20), *more, ("the same problem occurs in mode `n`", None, None)]
 
@@ -217,7 +217,7 @@ def test_parts_below_the_feet_are_reported_once(number: int) -> None:
     [(code, message, _, line)] = said(report)
     assert (code, line) == ("OFF_FEET", 200)
     names = ", ".join(f"`leg{k}/tip`" for k in range(min(number, 3))) + (" and others" if number == 4 else "")
-    assert message == f"mode `m` stands on {names}, but `hub` is at least 50 mm lower with all joints at 0"
+    assert message == f"mode `m` starts with `hub` at least 50 mm below the feet ({names})"
     assert notes(report) == [("`hub` is defined here", FILE, 10), ("the same problem occurs in modes `n`, `o`", None, None)]
 
 
@@ -234,14 +234,14 @@ def test_start_below_the_floor_is_reported_once(z: float, base: str, others: int
     model, report = assembly("one", [component("b", "p:Block", line=10)], modes=modes), Report()
     check_starts(tuple(robots(linked(model, block)).values()), None, report, Memo())
     assert [(code, line, message) for code, message, _, line in said(report)] == [
-        ("START_BELOW", 200, f"mode `m` starts below the plane z = 0 of the scene: the depth of `b` is at least {depth}")
+        ("START_BELOW", 200, f"mode `m` starts with `b` at least {depth} below the floor (z = 0)")
         for _ in [depth] if depth
     ]
     if depth:
         more = ["", "the same problem occurs in mode `n`", "the same problem occurs in modes `n`, `o`"][others]
         assert notes(report) == [("`b` is defined here", FILE, 10), *((text, None, None) for text in [more] if text)]
         [help] = [one.help or "" for one in report.diagnostics]
-        wanted = "check the sign of the height in `at`, which is -70 mm" if z < 0 else "write, for example, `at: {xyz: 0 0 50 mm}`"
+        wanted = "check the sign of the height in `at` (-70 mm)" if z < 0 else "write, for example, `at: {xyz: 0 0 50 mm}`"
         assert help.startswith(wanted)
 
 

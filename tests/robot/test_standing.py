@@ -278,12 +278,12 @@ def diagnostics_of(compilation: Compilation) -> list[tuple[str, str, str | None]
 def test_conflicting_heights_are_reported(compiled: Compiled) -> None:
     found = diagnostics_of(compiled(ARM.replace("xyz: [10 mm, 0, 0]", "xyz: [10 mm, 0, 5 mm]")))
     assert found == [(
-        "TC606", "mode `afloat` sets the height of the robot twice: by `on: floor` and by a height of 5 mm",
+        "TC606", "mode `afloat` has both `on: floor` and a height of 5 mm",
         "set z of `at` to `0`, or remove `on: floor`",
     )]
     found = diagnostics_of(compiled(ARM + "  held: {extends: afloat, hold: {lower.tip: {xyz: 100 0 0 mm}}}\n"))
     assert found == [(
-        "TC606", "mode `held` sets the height of the robot twice: by `on: floor` and by the hold of `lower.tip` at a fixed place",
+        "TC606", "mode `held` has both `on: floor` and a fixed height of `lower.tip` under `hold`",
         "write `lower.tip: here`, or replace `on: floor` with a height in `at`",
     )]
 
@@ -305,6 +305,6 @@ def test_floor_check_requires_exact_parts(compiled: Compiled) -> None:
 def test_on_floor_without_collision_shapes_is_reported(compiled: Compiled) -> None:
     found = diagnostics_of(compiled(LAMP.replace("KIND", "none")))
     assert found == [
-        ("TC607", f"mode `{mode}` has `on: floor`, but no part of `robot` can touch the floor",
+        ("TC607", f"no part can touch the floor in mode `{mode}` (`on: floor`)",
          "set `collision` of a part to a value other than `none`, or write `at: {xyz: ...}`") for mode in ("flat", "askew", "hung")
     ]

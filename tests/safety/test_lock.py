@@ -22,7 +22,7 @@ TETRAHEDRON = "solid t\n" + "".join(
     for face in _FACES
 ) + "endsolid t\n"
 
-UNKNOWN = "note[TC345]: 1 part has parameters or a process that `parts.lock.json` does not contain: its geometry was not checked"
+UNKNOWN = "note[TC345]: `parts.lock.json` does not contain the geometry of 1 part"
 ARM, MINCHW = "assemblies/arm.yaml", "assemblies/minchw/minchw.yaml"
 
 

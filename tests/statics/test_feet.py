@@ -411,7 +411,7 @@ def test_foot_friction_matches_mujoco_contacts(hexapod: Hexapod, tmp_path: Path,
 @pytest.mark.parametrize(
     ("mode", "said"),
     [
-        ("{extends: three, base: held}", ("TC608", "mode `m` has `standing_on`, but its base is `held`, which already supports the robot")),
+        ("{extends: three, base: held}", ("TC608", "`standing_on` of mode `m` cannot be used with `base: held`")),
         ("{extends: three, standing_on: [leg_0.sole, \"leg_*.sole\"], hold: {left: here}}",
          ("TC608", "`leg_0/sole` is in both `hold` and `standing_on` of mode `m`")),
         ("{extends: three, hold: {leg_2.sole: here}}", ("TC608", "`leg_2/sole` is in both `hold` and `standing_on` of mode `m`")),

@@ -256,7 +256,7 @@ def test_closed_loops_are_followed(rig: Workspace) -> None:
 
 def test_invalid_options_are_reported(rig: Workspace) -> None:
     for tests, said in (
-        ("  a: {no_collision: {certify: true}}\n", "`certify` needs `joints`"),
+        ("  a: {no_collision: {certify: true}}\n", "`certify` requires `joints`"),
         ("  a: {no_collision: {certify: true, joints: [oen]}}\n", "there is no joint `oen`"),
         ("  a: {no_collision: {certify: true, joints: []}}\n", "joints"),
     ):

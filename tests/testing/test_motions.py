@@ -312,7 +312,7 @@ def test_motion_file_passes_through_its_rows(rig: Workspace) -> None:
     ("elbow", "elbw", 1, 21, "there is no joint `elbw`"),
     (",elbow", "", 1, 1, "columns of the motion are missing"),
     ("time", "times", 1, 1, "there is no joint `times`"),
-    ("45", "190", 4, 3, "joint `shoulder` is at 190 deg, outside its limits -170 deg to 170 deg"),
+    ("45", "190", 4, 3, "the value of `shoulder` (190 deg) is outside its limits (-170 deg to 170 deg)"),
     ("20", "x", 3, 5, "expected a number in the column `shoulder`, found `x`"),
     ("20", "", 3, 4, "expected a number in the column `shoulder`, found an empty cell"),
     ("[deg]", "[mm]", 1, 6, "wrong unit of a column: expected an angle (such as 30 deg), found a length (`mm`)"),

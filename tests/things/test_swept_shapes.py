@@ -150,8 +150,8 @@ def _half_planes(points: Array) -> Array:
 
 
 @pytest.mark.parametrize(("shapes", "ranges", "message"), [
-    (BOX, {}, "needs `turn` or `slide`"), (BOX, {"turn": (0, 9), "slide": (0, 9)}, "needs `turn` or `slide`"),
-    (BOX, {"turn": (90, -90)}, "a lower and a higher value"), (BOX.faces()[0], {"turn": (0, 9)}, "needs shapes with solids"),
+    (BOX, {}, "increasing range `turn` or `slide`"), (BOX, {"turn": (0, 9), "slide": (0, 9)}, "increasing range `turn` or `slide`"),
+    (BOX, {"turn": (90, -90)}, "requires an increasing range"), (BOX.faces()[0], {"turn": (0, 9)}, "requires shapes with solids"),
 ])
 def test_wrong_arguments_are_refused(shapes: Shape[Any], ranges: dict[str, tuple[float, float]], message: str) -> None:
     with pytest.raises(ValueError, match=message):

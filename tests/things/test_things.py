@@ -216,25 +216,25 @@ def test_choices_are_distinguished_by_type() -> None:
 @pytest.mark.parametrize(
     ("definition", "message"),
     [
-        ("self, *sizes", "`*sizes` of `Bad` cannot be a parameter: name every parameter explicitly"),
-        ("self, **sizes", "`**sizes` of `Bad` cannot be a parameter: name every parameter explicitly"),
-        ("self, size, /", "`size` of `Bad` cannot be a parameter: documents set parameters by name: remove the `/`"),
-        ("self, size=None", "`size` of `Bad` cannot be a parameter: its default is None, not a number, a string or a boolean"),
+        ("self, *sizes", "`*sizes` of `Bad` cannot be a parameter: write each parameter separately"),
+        ("self, **sizes", "`**sizes` of `Bad` cannot be a parameter: write each parameter separately"),
+        ("self, size, /", "`size` of `Bad` cannot be a parameter: remove the `/`"),
+        ("self, size=None", "the default of `size` of `Bad` must be a number, a string or a boolean, found None"),
         (
             "self, size: Vector",
-            "`size` of `Bad` cannot be a parameter: its annotation is `Vector`, not Length, Angle, Mass, Count, Ratio, "
-            "float, int, bool, str or Literal[...]",
+            "the annotation of `size` of `Bad` must be Length, Angle, Mass, Count, Ratio, "
+            "float, int, bool, str or Literal[...], found `Vector`",
         ),
         (
             "self, size: 'Lenth' = 3",
-            "`size` of `Bad` cannot be a parameter: its annotation `Lenth` cannot be read: name 'Lenth' is not defined",
+            "`size` of `Bad` cannot be a parameter: invalid annotation `Lenth`: name 'Lenth' is not defined",
         ),
         ("self, size: Length = 'x'", "the default of `size` of `Bad` must be a length in mm, found 'x'"),
         ("self, size: Annotated[Length, Range(5, 9)] = 4", "the default of `size` of `Bad` must be at least 5 mm, found 4 mm"),
-        ("self, size: Annotated[str, Range(5, 9)] = 'x'", "`size` of `Bad` cannot have a Range: it is a string"),
+        ("self, size: Annotated[str, Range(5, 9)] = 'x'", "the Range of `size` of `Bad` requires a number, found a string"),
         (
             "self, size: Literal['a', None] = 'a'",
-            "`size` of `Bad` cannot be a parameter: a choice must be a string, an integer or a boolean",
+            "the choices of `size` of `Bad` must be strings, integers or booleans",
         ),
     ],
 )
@@ -512,7 +512,7 @@ def test_adjust_through_two_subclass_levels() -> None:
         ({"height": "x"}, "`height` of `Servo` must be a length in mm, found 'x'"),
         ({"height__add": "x"}, "`height__add` of `Servo` must be a number, found 'x'"),
         ({"holes__mul": 0.5}, "`holes` of `Servo` must be a whole number, found 1.5"),
-        ({"lid__add": 1}, "`lid__add` of `Servo` can only be used with a number, but `lid` is a boolean"),
+        ({"lid__add": 1}, "`lid__add` of `Servo` requires a number, but `lid` is a boolean"),
     ],
 )
 def test_adjustments_are_validated(changes: dict[str, Any], message: str) -> None:
@@ -531,5 +531,5 @@ def test_facing_and_mate_x_align_for_any_plane(normal: tuple[float, float, float
     placed = Plane(seat.location * MATE * part.location.inverse())
     assert (placed.x_dir - across).length < 1e-9 and (seat.location.position - Vector(1, 2, 3)).length < 1e-9
     for wrong in ({"facing": z}, {"mate_x": -z}, {"facing": across, "mate_x": across}):
-        with pytest.raises(ValueError, match="a MountPoint needs one of `facing` and `mate_x`"):
+        with pytest.raises(ValueError, match="a MountPoint requires either `facing` or `mate_x`"):
             MountPoint(Plane((1, 2, 3), z_dir=z), **wrong)

@@ -331,7 +331,7 @@ def test_errors_of_variants_have_the_units_of_the_documents(tmp_path: Path, shar
     assert batch(here, shared_store, "limits").statuses == {"built": 2, "refused": 2}
     refused = rows(here / "build" / "limits")[2]
     assert (refused["code"], refused["message"]) == (
-        "TC809", "limits of joint `swing` are reversed: expected lower < upper, found `80 deg` and `60 deg`",
+        "TC809", "expected lower < upper in the limits of joint `swing`, found `80 deg` and `60 deg`",
     )
     assert refused["command"] == (
         "thingc build pendulum.yaml --set 'joints.swing.limit.lower=80 deg' --set 'joints.swing.limit.upper=60 deg' --emit mjcf"
@@ -550,7 +550,7 @@ def test_dry_run_counts_refused_variants(tmp_path: Path, shared_store: str) -> N
         assert (told["count"], told["failing"], told["looked_at"], told["unsound"]) == (18, {"steps < 5": 6}, 12, {"TC601": 10})
     assert batch(here, shared_store, "stops", pictures=0).statuses == {"built": 2, "kept_out": 6, "refused": 10}
     said = thingc_here("batch", "plates.yaml", "--dry-run", cwd=here, store=store).out
-    assert "\n10 would be rejected: TC601 (pose outside joint limits), first `stops_03`: pose `tilted` does not set `twist`" in said
+    assert "\n10 would be rejected: TC601 (pose outside joint limits), first `stops_03`: the value of `twist` in pose `tilted` (0 " in said
     assert "models 1 part," in said and "drawn from" not in said
 
 

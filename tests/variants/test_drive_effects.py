@@ -102,7 +102,7 @@ def test_delay_is_rounded_up_to_steps(folder: Path, delay: str, steps: int) -> N
 
 @pytest.mark.parametrize("effects", ["", ", noise: 0"])
 def test_switch_transfers_pending_commands(folder: Path, effects: str) -> None:
-    """`rear` has half of the time step, so its trajectory differs only by the integration error. `same` has the same time step."""
+    """`rear` has half of the time step, so the trajectory only by the integration error. `same` has the same time step."""
     more = {", simulation: {timestep: 1 ms}": ""}
     with walker(folder, ", delay: 24 ms", f", delay: 14 ms{effects}", **more) as same:
         switching = make_env(same, modes=("front", "rear"), observation="qpos", action_scale=None)

@@ -93,7 +93,7 @@ def assert_gone(processes: list[psutil.Process]) -> None:
 
 
 def assert_whole(folder: Path, count: int) -> None:
-    """Check that the journal contains every variant once, with a complete folder, and nothing else."""
+    """Check that the journal contains every variant once, with a complete folder, no geometry."""
     out = folder / "build" / "faults"
     assert Counter(line["index"] for line in journal(folder)) == Counter(range(count))
     assert {line["id"] for line in journal(folder)} == {p.name for p in (out / "variants").iterdir()}

@@ -58,25 +58,28 @@ class Code(Enum):
     # --- TC1xx: reading files (load) -------------------------------------------------------------------------------
     UNREADABLE = ("TC101", "a file cannot be read", "Check the name and the permissions of the file.")
     NOT_UTF8 = ("TC102", "a file is not UTF-8 text", "Save the file as UTF-8.")
-    SYNTAX = ("TC103", "a YAML or TOML syntax error", "Correct the line that the message shows. The help text describes the usual cause.")
+    SYNTAX = ("TC103", "a YAML or TOML syntax error", "Correct the syntax of the line that the message shows.")
     DUPLICATE_KEY = ("TC104", "a key that occurs twice", "Remove or rename one of the two keys.")
-    KEY_NOT_TEXT = ("TC105", "a key that is not a string", "Put the key in quotes, so that YAML reads it as a string.")
-    TAG = ("TC106", "an unsupported YAML tag", "Remove the tag. thingc infers the type of a value from its syntax.")
-    ALIAS = ("TC107", "an undefined YAML alias or a merge key", "Define the anchor before the alias. Copy merged keys into the mapping.")
+    KEY_NOT_TEXT = ("TC105", "a key that is not a string", "Put the key in quotes.")
+    TAG = ("TC106", "an unsupported YAML tag", "Remove the tag.")
+    ALIAS = (
+        "TC107", "an undefined YAML alias or a merge key",
+        "Define the anchor before the alias, or copy the merged keys into the mapping.",
+    )
     TOO_LARGE = ("TC108", "a size limit is exceeded", "Split the document into several documents, or use fewer aliases.")
     NOT_FINITE = ("TC109", "a number that is not finite", "Write a finite number, or remove the key.")
     EXPRESSION_COMMA = ("TC110", "an unquoted comma in a value", "Put an expression in quotes, and write a vector as `[x, y, z]`.")
     HEADER = ("TC111", "the kind or version of a document is missing or unknown", "Begin the document with `thingc: assembly/1`.")
     WRONG_KIND = ("TC112", "a document of the wrong kind", "Use a document of the kind that the message shows.")
     MISSING_FILE = ("TC113", "a missing file", "Correct the path, relative to the folder of the document.")
-    OUTSIDE_WORKSPACE = ("TC114", "a path that leads out of the workspace", "Move the file into the workspace, and use a relative path.")
+    OUTSIDE_WORKSPACE = ("TC114", "a path outside the workspace", "Move the file into the workspace, and use a relative path.")
     FILE_TYPE = ("TC115", "a file of an unknown type", "Use .yaml, .yml or .toml for documents, and a CAD format for parts.")
-    DOCUMENT_CYCLE = ("TC116", "an assembly contains itself", "Remove a component through which the assembly contains itself.")
+    DOCUMENT_CYCLE = ("TC116", "an assembly contains itself", "Remove one of the components that form the cycle.")
     NOT_A_MAPPING = ("TC117", "a document is empty or not a mapping", "Write a mapping with `thingc:` as its first key.")
-    DATE = ("TC118", "a date or time as a value", "Put the value in quotes, so that TOML reads it as a string.")
+    DATE = ("TC118", "a date or time as a value", "Put the value in quotes.")
     SEVERAL_DOCUMENTS = ("TC119", "several documents in one file", "Write one document per file.")
     WORKSPACE_FOLDER = ("TC120", "a missing folder of the workspace", "Create the folder, or correct its name in `thingc.toml`.")
-    FILE_NAME = ("TC121", "a file name with invisible characters", "Rename the file. Use only visible characters and spaces.")
+    FILE_NAME = ("TC121", "a file name with invisible characters", "Rename the file with visible characters and spaces.")
     # --- TC2xx: one document by itself (validate) ------------------------------------------------------------------
     UNKNOWN_KEY = ("TC201", "an unknown key", "Correct the spelling or remove the key.")
     MISSING_KEY = ("TC202", "a required key is missing", "Add the required key that the message shows.")
@@ -86,16 +89,19 @@ class Code(Enum):
     BAD_UNIT = ("TC206", "a unit is missing or unknown", "Write the unit after the number: `120 mm`.")
     WRONG_DIMENSION = ("TC207", "a quantity of the wrong physical dimension", "Use a unit of the dimension that the message shows.")
     BAD_QUANTITY = ("TC208", "a value that is not a quantity", "Write a number and its unit: `120 mm`, `4.1 N*m`.")
-    BAD_EXPRESSION = ("TC209", "an expression that cannot be parsed", "Use numbers, names, `+ - * / **`, `()` and calls: `min(a, b)`.")
+    BAD_EXPRESSION = (
+        "TC209", "an expression that cannot be parsed",
+        "Use numbers, names, `+ - * / **`, `()` and functions such as `min(a, b)`.",
+    )
     BAD_REFERENCE = ("TC210", "a value that is not a reference", "Separate names with dots: `plate.servo_seat`.")
     BAD_COLOR = ("TC211", "a value that is not a colour", "Write a CSS colour name or `\"#rrggbb\"`.")
     BROKEN_RULE = ("TC212", "keys that cannot be combined", "Add or remove keys as the message describes.")
     NO_VALUE = ("TC213", "a key without a value", "Write a value after the colon or remove the key.")
     WRONG_LENGTH = ("TC214", "a list with the wrong number of items", "Write the number of items that the message requires.")
     # --- TC3xx: names and values across documents (resolve) --------------------------------------------------------
-    UNKNOWN_COMPONENT = ("TC302", "unknown component", "Use a component of this document or of the enclosing assembly.")
+    UNKNOWN_COMPONENT = ("TC302", "unknown component", "Use a component that the document defines.")
     UNKNOWN_MOUNT = ("TC303", "unknown mount", "Use a mount of the component, or export the mount in the nested document.")
-    UNKNOWN_JOINT = ("TC304", "unknown joint", "Write `joint`, or `component.joint` for a joint of a nested assembly.")
+    UNKNOWN_JOINT = ("TC304", "unknown joint", "Write the name of a joint, or `component.joint` for a joint of a nested assembly.")
     UNKNOWN_PARAMETER = ("TC305", "unknown parameter", "Use a parameter that the part or the document declares.")
     UNKNOWN_MATERIAL = ("TC306", "unknown material", "Use a material that the document or one of its `materials` defines.", Stage.CHECK)
     UNKNOWN_POSE = ("TC307", "unknown pose", "Use a pose that the document defines.")
@@ -107,29 +113,29 @@ class Code(Enum):
     EXPRESSION = ("TC313", "expression cannot be evaluated", "Use parameters of the document, and add only values of the same dimension.")
     DIMENSION = ("TC314", "wrong physical dimension", "Write a value of the physical dimension that the message shows.")
     OUT_OF_RANGE = ("TC315", "value out of range", "Write a value within the bounds that the message shows.")
-    PARAMETER_CYCLE = ("TC316", "parameters in a cycle", "Give one parameter of the cycle a value that does not use other parameters.")
+    PARAMETER_CYCLE = ("TC316", "parameters in a cycle", "Give one parameter of the cycle a value without other parameters.")
     MISSING_PARAMETER = ("TC317", "missing parameter", "Set the parameter under `params` of the component.")
     VALUE_KIND = ("TC318", "wrong type of value", "Write a value of the type that the message shows.")
     PLACED_TWICE = ("TC320", "component placed twice", "Place the component with only one of `attach`, `at` and a joint.")
-    NO_BASE = ("TC321", "no base component", "Remove the `attach`, `at` or joint of one component. This component is then the base.")
+    NO_BASE = ("TC321", "no base component", "Remove the `attach`, `at` or joint of the base component.")
     TWO_BASES = ("TC322", "more than one base component", "Add `attach`, `at` or a joint to every component except the base.")
     PLACED_ON_ITSELF = ("TC323", "component placed on itself", "Place the component on another component.")
     LIMIT = ("TC324", "invalid joint limits", "Write `limit: {lower: ..., upper: ...}` with lower < upper, or use `continuous`.")
     MIMIC = ("TC325", "invalid `mimic` of a joint", "Set `mimic.joint` to another moving joint of the same document.")
     DRIVE = ("TC326", "invalid drive of a joint", "Use a component with an actuator, or write the drive inline.")
     PART_MISSING = ("TC327", "unknown part", "Write `module:Class` with a module in a part folder and a class of this module.")
-    PART_REFUSED = ("TC328", "part of a module that is not allowed", "Use a part of the `parts` folders or `packages` in `thingc.toml`.")
+    PART_REFUSED = ("TC328", "part of a module that is not allowed", "Use a part from the `parts` folders or `packages` in `thingc.toml`.")
     TOO_MANY = ("TC331", "a count limit is exceeded", "Reduce the number that the message shows.")
     NO_ROOT = ("TC332", "mode without a root", "Write `root: component` or `root: component.mount`.")
     EXTENDS_CYCLE = ("TC333", "modes that extend each other in a cycle", "Remove `extends` from one mode of the cycle.")
-    POSE = ("TC334", "invalid value in a pose", "Set only joints that move independently: an angle for a rotation, a length for a slide.")
+    POSE = ("TC334", "invalid value in a pose", "Set only joints that move independently.")
     OVERRIDE = ("TC335", "key that a nested assembly does not support", "Move the key to a component of the nested document.")
     RAW_TARGET = ("TC336", "unknown target", "Use `mjcf`, `urdf`, `sdf` or `usd` under `raw`.")
     JOINT_FIELD = ("TC338", "key that this joint does not support", "Remove the key, or choose another joint type.")
     LIBRARY = ("TC339", "library cannot be read", "Install the library, or define the material without `base`.")
-    NO_LOCK = ("TC340", "missing `parts.lock.json`", "Run `thingc lock` on a machine that may run part code, and commit `parts.lock.json`.")
+    NO_LOCK = ("TC340", "missing `parts.lock.json`", "Run `thingc lock`, and commit `parts.lock.json`.")
     LOCK_STALE = ("TC341", "the lock file is out of date", "Run `thingc lock` again, and commit `parts.lock.json`.")
-    LOCK_BROKEN = ("TC342", "the lock file is damaged", "Run `thingc lock` again; do not edit the file by hand.")
+    LOCK_BROKEN = ("TC342", "the lock file is damaged", "Run `thingc lock` again.")
     NOT_LOCKED = ("TC343", "a part is not in the lock file", "Run `thingc lock` again, and commit `parts.lock.json`.")
     LOCK_DOCUMENT = ("TC344", "a document with errors cannot be locked", "Fix the document, then run `thingc lock` again.")
     NOT_LOOKED_AT = ("TC345", "geometry that was not checked", "Run `thingc lock` again to add these parameters to the lock file.")
@@ -137,7 +143,7 @@ class Code(Enum):
     HIDDEN = ("TC347", "module that hides a module with the same name", "Rename one of the two files.", Stage.CHECK)
     TEST = ("TC348", "test that cannot be run", "Correct the key that the message shows.")
     CONTACTS = ("TC349", "invalid contact pair or contact group", "Correct the entry of `contacts` as the message describes.")
-    LEAD = ("TC360", "invalid screw lead", "Write the distance per turn, such as `lead: 8 mm`, or a negative value for a left-hand thread.")
+    LEAD = ("TC360", "invalid screw lead", "Write the advance per turn, such as `lead: 8 mm`.")
     COORDINATES = ("TC361", "wrong number of coordinates", "Write a list with one value for each coordinate of the joint.")
     MIRROR_AXES = ("TC362", "component mirrored along two axes", "Use the same mirror axis for the assembly and the component inside it.")
     UNKNOWN_TENDON = ("TC363", "unknown tendon", "Use a tendon of the same document.")
@@ -151,14 +157,14 @@ class Code(Enum):
     PART_CRASHED = ("TC403", "part crashed the interpreter", "Change the calls to the CAD kernel in the part file.")
     PART_EMPTY = ("TC404", "part without volume", "Return a solid from `result()`, or None for a part without geometry.")
     PART_INVALID = ("TC405", "part is not valid", "Fix the part file at the line that the message shows.")
-    PART_WARNING = ("TC406", "Python warning from the code of a part", "Fix the part file at the line that the message shows.", Stage.CHECK)
-    EXPECTATION = ("TC407", "unexpected part on a mount", "Attach the part that the message shows.", Stage.CHECK)
+    PART_WARNING = ("TC406", "Python warning from a part", "Fix the part file at the line that the message shows.", Stage.CHECK)
+    EXPECTATION = ("TC407", "unexpected part on a mount", "Attach the expected part.", Stage.CHECK)
     PART_ASKS = ("TC408", "part with undeclared inputs", "Use a parameter or a file instead, and seed random generators.", Stage.CHECK)
     PART_WRITES = ("TC409", "part writes outside its folder", "Write files only to `tempfile.gettempdir()`.")
     PART_LEFT = ("TC410", "part leaves processes running", "Wait for every process that the part starts.", Stage.CHECK)
     PART_SWARMED = ("TC411", "part starts too many processes", "Start fewer processes, and wait for each process.")
     NOT_TWICE = ("TC412", "part that is not reproducible", "Sort sets, seed random generators, and replace other inputs by parameters.")
-    NO_RESULT = ("TC413", "part class without `result()`", "Define `result(self)`. For a part without geometry, return None.")
+    NO_RESULT = ("TC413", "part class without `result()`", "Define `result(self)`.")
     APART = ("TC414", "solids that do not touch", "Make the solids overlap, or return a list of solids.", Stage.CHECK)
     DENSITY = ("TC415", "implausible density", "Check the unit: the density of solids is 10 to 25 000 kg/m^3.", Stage.CHECK)
     SIZE = ("TC416", "part of implausible size", "Check the unit: `unit:` of a mesh file, or the unit of a parameter.", Stage.CHECK)
@@ -174,7 +180,7 @@ class Code(Enum):
     PLACEMENT_CIRCLE = ("TC503", "components placed in a cycle", "Place one component of the cycle on a component outside the cycle.")
     NO_MATERIAL = ("TC504", "component without a mass", "Add a `material:` with a density, or a `mass:`, to the component.")
     INFILL = ("TC505", "print process with missing keys", "Add `walls` and `line_width`, and for `fdm` also `layer`, `top` and `bottom`.")
-    NOT_PHYSICAL = ("TC506", "inertia that no solid can have", "Correct the moments of inertia or their unit.")
+    NOT_PHYSICAL = ("TC506", "physically impossible inertia", "Correct the moments of inertia or their unit.")
     MASSLESS = ("TC507", "moving link without mass", "Add a mass to a component of the link, or use `attach` instead of the joint.")
     DUPLICATE_LINK = ("TC508", "two links with the same name", "Choose another name under `links:`.")
     LINK_NAMED_TWICE = ("TC509", "link with two names", "Remove one of the two names from `links:`.")
@@ -190,21 +196,27 @@ class Code(Enum):
     IDLE_ACTUATOR = ("TC519", "actuator that does not drive a joint", "Add `drive` with the name of the component to a joint.", Stage.CHECK)
     OVERLAP = ("TC520", "parts that overlap", "Remove or move one of the parts, or add a cutout to the other part.", Stage.BUILD)
     STUCK = ("TC521", "joint that its drive cannot move", "Correct the number or its unit, or choose a stronger drive.", Stage.CHECK)
-    BARE_MASS = ("TC522", "implausible mass without a shape", "Correct the number or its unit.", Stage.CHECK)
+    BARE_MASS = ("TC522", "implausible mass of a component without a shape", "Correct the number or its unit.", Stage.CHECK)
     LONG_STEP = ("TC523", "long time step", "Write a time step of 1 to 5 ms.", Stage.CHECK)
-    GRAVITY_UP = ("TC524", "gravity that points up", "Write `gravity: floor`, or `gravity: ceiling` for a robot that hangs.", Stage.CHECK)
+    GRAVITY_UP = (
+        "TC524", "gravity that points up",
+        "Write `gravity: floor`, or `gravity: ceiling` for a robot that hangs from a ceiling.", Stage.CHECK,
+    )
     OTHER_MOUNT = (
         "TC525", "exported mount with the name of another mount",
         "Export the other mount, or rename the exported mount.", Stage.CHECK,
     )
     ALIKE = ("TC526", "two equal modes", "Change or remove one of the two modes.", Stage.CHECK)
-    MIRRORED_TURN = ("TC528", "mirrored part with a wrong rotation", "Add a `turn` so that the two sides are mirror images.", Stage.CHECK)
+    MIRRORED_TURN = ("TC528", "mirrored part with a wrong rotation", "Correct the `turn` of the mirrored part.", Stage.CHECK)
     HELD_OFF = ("TC527", "base held at an inactive magnet", "Use the mount of the active magnet as the root.", Stage.CHECK)
     NESTED_SIMULATION = ("TC532", "unused settings of a nested document", "Copy the settings into the enclosing document.", Stage.CHECK)
     SHAPE_FAR = ("TC533", "collision shape far outside its part", "Correct the unit, the size or the pose of the shape.", Stage.CHECK)
     INTERFACE = ("TC534", "mounts that do not fit together", "Use mounts that fit together, or correct the `interface` of one mount.")
-    SCREW = ("TC535", "screw of the wrong length", "Use a screw of the length that the message shows.", Stage.CHECK)
-    MIRRORED_BOUGHT = ("TC580", "mirror image of a bought part", "Remove `mirror`, or add the mirror image's order number.", Stage.CHECK)
+    SCREW = ("TC535", "screw of the wrong length", "Use a screw of another length, or correct the `depth` of the hole.", Stage.CHECK)
+    MIRRORED_BOUGHT = (
+        "TC580", "mirror image of a bought part",
+        "Remove `mirror`, or add the order number of the mirror image.", Stage.CHECK,
+    )
     OWN_IMAGE = ("TC581", "part that is its own mirror image", "Remove `mirror`.", Stage.CHECK)
     # --- TC6xx: modes (root) ---------------------------------------------------------------------------------------
     POSE_LIMITS = ("TC601", "pose outside joint limits", "Write a value within the limits of the joint, or widen the limits.")
@@ -381,7 +393,7 @@ class Allowance(FrozenStruct, eq=False):
 
 def allow_hint(code: Code) -> str:
     """Return the help text that shows the user how to suppress warnings with this diagnostic code."""
-    return f'if this is intended, write `allow: {{{code.code}: "the reason"}}`'
+    return f'to suppress this warning, add `allow: {{{code.code}: "the reason"}}`'
 
 
 @dataclass(slots=True)
@@ -458,9 +470,9 @@ class Report:
             if allowance.where.file == document and allowance.code.warned_by in stages and allowance not in self.needed:
                 where = f"`{allowance.path}`" if allowance.path else "the document"
                 self.warn(
-                    Code.UNNEEDED, f"{where} allows `{allowance.code.code}` ({allowance.code.title}), but this warning does not occur",
+                    Code.UNNEEDED, f"unused `allow` entry `{allowance.code.code}` ({allowance.code.title}) in {where}",
                     allowance.where, path=f"{allowance.path}.allow".lstrip("."),
-                    help="remove the code from `allow`, unless an enclosing document needs this entry",
+                    help=f"remove `{allowance.code.code}` from `allow`",
                     notes=[Note(message=f"reason for the allowance: {allowance.reason}")],
                 )
 

@@ -152,12 +152,9 @@ def moments_fault(low: float, middle: float, high: float) -> str | None:
     The principal moments are given in ascending order.
     """
     if low <= 0.0:
-        return f"its principal moments are {low:.6g}, {middle:.6g}, {high:.6g} kg m^2, but all must be above 0"
+        return f"the principal moments ({low:.6g}, {middle:.6g}, {high:.6g} kg m^2) are not all positive"
     if high > (low + middle) * (1.0 + 1e-9):
-        return (
-            f"its largest principal moment {high:.6g} kg m^2 is above the sum of the other two "
-            f"({low:.6g} + {middle:.6g}), which is impossible for a solid"
-        )
+        return f"the largest principal moment ({high:.6g} kg m^2) exceeds the sum of the other two ({low:.6g} + {middle:.6g})"
     return None
 
 

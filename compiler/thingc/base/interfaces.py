@@ -97,7 +97,7 @@ class Bolts(MountFeature, kw_only=False):
         if max(self.count, len(self.at)) > MOST_BOLTS:
             raise ValueError(f"a pattern must have at most {MOST_BOLTS} holes, found {max(self.count, len(self.at))}")
         if self.circle is None and (self.start or self.count > 1):
-            raise ValueError("`count` and `start` require `circle`, the diameter of the bolt circle")
+            raise ValueError("`count` and `start` require `circle`")
         if self.at and self.circle is not None:
             raise ValueError("a bolt pattern cannot have both `circle` and `at`")
 
@@ -119,7 +119,7 @@ class Bolts(MountFeature, kw_only=False):
         if self.hole is not None and self.hole < HOLES[0] * size:
             raise ValueError(f"a hole of {mm(self.hole)} is too small for the thread {self.thread}")
         if smallest_distance <= (self.hole or size):
-            raise ValueError(f"holes of {mm(self.hole or size)} overlap: their distance is {mm(smallest_distance)}")
+            raise ValueError(f"holes of {mm(self.hole or size)} overlap at a distance of {mm(smallest_distance)}")
 
     def mirror_image(self) -> Bolts:
         """Return the pattern in the frame of a mirrored mount, whose y axis is reversed."""
@@ -162,7 +162,7 @@ class RoundFeature(MountFeature, kw_only=False):
 
     def __post_init__(self) -> None:
         if self.clearance is not None and not (self.diameter > self.clearance[0] <= self.clearance[1]):
-            raise ValueError("the first value of `clearance` must be smaller than the `diameter`, and not larger than the second value")
+            raise ValueError("`clearance` must be a range [smallest, largest] below the `diameter`")
 
     def __str__(self) -> str:
         return f"{type(self).__name__.lower()} {mm(self.diameter)}"

@@ -356,7 +356,7 @@ def parse_quantity(text: str, expected: tuple[Dimension, ...] = ()) -> Quantity:
     `text`. The help text of the error suggests a unit with a `expected` physical dimension.
     """
     if len(text) > MAX_TEXT:
-        raise UnitError(f"a quantity of {len(text)} characters is too long (at most {MAX_TEXT})")
+        raise UnitError(f"the quantity has {len(text)} characters (at most {MAX_TEXT} are allowed)")
     at = len(text) - len(text.lstrip())
     scanned = scan_number(text, at)
     if scanned is None:

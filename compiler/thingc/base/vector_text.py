@@ -16,7 +16,7 @@ def parse_vector(text: str, expected: tuple[Dimension, ...] = ()) -> tuple[Quant
     Raises `UnitError` for an invalid vector. The offsets of the error count the characters of `text`.
     """
     if len(text) > MAX_TEXT:
-        raise UnitError(f"a vector of {len(text)} characters is too long (at most {MAX_TEXT})")
+        raise UnitError(f"the vector has {len(text)} characters (at most {MAX_TEXT} are allowed)")
     beginning = _NUMBERS.match(text).group()  # type: ignore[union-attr]
     numbers, at = NUMBER_TEXT.findall(beginning), len(beginning)
     count = {1: "one number", 2: "two numbers"}.get(len(numbers), f"{len(numbers)} numbers")

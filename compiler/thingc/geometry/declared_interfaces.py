@@ -34,7 +34,7 @@ def contradictions(features: Iterable[MatingFeature], mount: Pose, measured: Fea
     faces = [mount.inverse().apply(one.centre) for one in measured.planes if dist(one.normal, transpose(mount.rotation)[2]) <= SAME]
     tops = [*(one.high for one in solids if one.away(0.0, 0.0) <= SAME), *(w for u, v, w in faces if hypot(u, v) <= SAME)]
     comparisons = ((one, _difference(one, holes, solids, tops)) for one in features)
-    return tuple(f"{one}, but {difference}" for one, difference in comparisons if difference is not None)
+    return tuple(f"`{one}`: {difference}" for one, difference in comparisons if difference is not None)
 
 
 def _rounds(mount: Pose, measured: Features, hollow: bool) -> Iterable[_Round]:
@@ -60,10 +60,10 @@ def _difference(feature: MatingFeature, holes: Sequence[_Round], solids: Sequenc
         diameters = [one.diameter for one in solids if one.high > SAME and one.away(0.0, 0.0) <= SAME]
         closest = min(diameters, key=lambda one: abs(one - feature.diameter), default=None)
         if closest is None or abs(closest - feature.diameter) > SAME:
-            return "there is no cylinder on the axis of the mount" if closest is None else f"its diameter is {mm(closest)}"
+            return "no cylinder on the axis of the mount" if closest is None else f"found a diameter of {mm(closest)}"
     if isinstance(feature, (Boss, Shank)) and (length := feature.length) is not None:
         top = min(tops, key=lambda one: abs(one - length), default=0.0)
-        return f"it is {mm(top)} long, not {mm(length)}" if abs(top - length) > SAME else None
+        return f"expected a length of {mm(length)}, found {mm(top)}" if abs(top - length) > SAME else None
     return None
 
 
@@ -77,12 +77,12 @@ def _hole(x: float, y: float, sizes: tuple[float, float], depth: float | None, h
     if not at_point:
         closest = min(open_holes, key=lambda one: one.away(x, y), default=None)
         if closest is None:
-            return f"there is no hole at {place}"
+            return f"no hole at {place}"
         circle = mm(2.0 * closest.away(0.0, 0.0))
-        return f"there is no hole at {place}: the closest is at {mm(closest.x, closest.y)}, on a circle of {circle}"
+        return f"no hole at {place} (closest hole: {mm(closest.x, closest.y)}, on a circle of {circle})"
     if not any(sizes[0] <= one.diameter <= sizes[1] for one in at_point):
         return f"the hole at {place} has a diameter of {mm(at_point[0].diameter)}"
     reach = 0.0
     for one in sorted((one for one in holes if one.away(x, y) <= SAME), key=lambda one: -one.high):
         reach = max(reach, -one.low) if one.high >= -reach - one.diameter else reach
-    return f"the hole at {place} is {mm(reach)} deep, not {mm(depth)}" if depth is not None and depth > reach + SAME else None
+    return f"expected a depth of {mm(depth)} at {place}, found {mm(reach)}" if depth is not None and depth > reach + SAME else None

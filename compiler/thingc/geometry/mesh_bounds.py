@@ -40,7 +40,7 @@ def damaged_file_error(suffix: str, fault: Exception) -> BadMesh:
     """
     message = " ".join(str(fault).removeprefix(f"{type(fault).__name__}: ").split())
     is_internal = isinstance(fault, (LookupError, TypeError, AttributeError, NameError, OSError)) or not message
-    return BadMesh(f"is damaged, or is not {suffix[1:].upper()}" + ("" if is_internal else f" ({message})"))
+    return BadMesh(f"is not a valid {suffix[1:].upper()} file" + ("" if is_internal else f" ({message})"))
 
 
 def read_bounded(path: str, suffix: str, limit: int = MOST) -> bytes:
@@ -68,14 +68,14 @@ def check_mesh_file(suffix: str, data: bytes, limit: int = MOST) -> None:
     if suffix == ".stl" and is_text(data):
         declared = sum(1 for _ in _FACET.finditer(data))
         if b"facet" in data and b"endsolid" not in data.lower():
-            raise BadMesh("is truncated: it has no `endsolid`")
+            raise BadMesh("is truncated (no `endsolid`)")
     elif suffix == ".stl":
         if len(data) < _HEAD:
-            raise BadMesh(f"is truncated: it has {len(data)} bytes, but a binary STL file has at least {_HEAD}")
+            raise BadMesh(f"is truncated: expected at least {_HEAD} bytes, found {len(data)}")
         declared, present = int.from_bytes(data[80:84], "little"), (len(data) - _HEAD) / _TRIANGLE
         if declared != present:
             what = "is truncated" if declared > present else "has data after its end"
-            raise BadMesh(f"{what}: it declares {declared} triangles, but has bytes for {present:.6g}")
+            raise BadMesh(f"{what}: expected {declared} triangles, found bytes for {present:.6g}")
     elif suffix == ".ply" and (match := re.search(rb"^element face (\d+)", data[:10_000], re.MULTILINE)):
         declared = int(match[1])
     elif suffix == ".obj":
@@ -91,7 +91,7 @@ def check_mesh_file(suffix: str, data: bytes, limit: int = MOST) -> None:
 def refuse_beyond(count: int, limit: int = MOST, what: str = "triangles") -> None:
     """Raise `BadMesh` if a mesh has more than `limit` elements, such as triangles."""
     if count > limit:
-        raise BadMesh(f"has {count} {what}, but at most {limit} are supported")
+        raise BadMesh(f"has {count} {what} (at most {limit} are supported)")
 
 
 def is_text(stl: bytes) -> bool:
@@ -108,12 +108,12 @@ def unfold(root: _T, parts: Callable[[_T], Iterable[_T]]) -> None:
 
     def count(one: _T, level: int) -> int:
         if level > LEVELS:
-            raise BadMesh(f"has objects that contain themselves, or are nested deeper than {LEVELS} levels")
+            raise BadMesh(f"has more than {LEVELS} levels of nested objects")
         if one not in counts:
             counts[one] = 1 + sum(count(part, level + 1) for part in parts(one))
         return counts[one]
 
-    refuse_beyond(count(root, 0), INSTANCES, "objects, counted once per placement")
+    refuse_beyond(count(root, 0), INSTANCES, "placed objects")
 
 
 def _unfold_collada(root: ElementTree.Element) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Protocol
 
 from thingc.base.diagnostics import Code, Note, Report, Severity
+from thingc.base.one_line_repr import format_count
 from thingc.base.source import Span, line_of
 from thingc.documents.workspace import Workspace
 from thingc.geometry.build_reasons import BuildReason
@@ -89,9 +90,8 @@ def report_hidden(parts: PartSource, references: Iterable[tuple[str, Span | None
                 reported.add(module.name)
                 hidden = " and ".join(f"`{parts.workspace.relative(file)}`" for file in module.hides)
                 report.warn(
-                    Code.HIDDEN, f"`{reference}` imports the module `{module.name}` from `{parts.workspace.relative(module.file)}`, which "
-                    f"hides {hidden}", where or line_of(module.file),
-                    help="rename one of the files", allow=where is not None,
+                    Code.HIDDEN, f"the module `{parts.workspace.relative(module.file)}` of `{reference}` hides {hidden}",
+                    where or line_of(module.file), help="rename one of the files", allow=where is not None,
                 )
 
 
@@ -106,9 +106,8 @@ def report_gaps(parts: PartSource, report: Report, *, severity: Severity = Sever
     labels = sorted(set(parts.unknown))
     if not labels:
         return
-    what, their = ("1 part has", "its") if len(labels) == 1 else (f"{len(labels)} parts have", "their")
     more = [Note(message=f"and {len(labels) - SHOWN} more")] if len(labels) > SHOWN else []
     report.add(
-        Code.NOT_LOOKED_AT, f"{what} parameters or a process that `{LOCK_FILE}` does not contain: {their} geometry was not checked",
+        Code.NOT_LOOKED_AT, f"`{LOCK_FILE}` does not contain the geometry of {format_count(len(labels), 'part')}",
         line_of(file), help=REMAKE, notes=[*(Note(message=f"`{label[:200]}`") for label in labels[:SHOWN]), *more], severity=Severity.NOTE,
     )

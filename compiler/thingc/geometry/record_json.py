@@ -53,8 +53,9 @@ def with_left(answer: dict[str, Any], commands: Iterable[str]) -> dict[str, Any]
     """
     if "record" not in answer:
         return answer
-    names = sorted({"a copy of itself" if not line else f"`{line if len(line) <= 60 else line[:57] + '...'}`" for line in commands})
-    warnings = [[f"leaves {name} running, and thingc stopped it", None, None, ImpureInputs.LEFT.value] for name in names]
+    short = (line if len(line) <= 60 else f"{line[:57]}..." for line in commands)
+    names = sorted({f"the process `{line}`" if line else "a copy of itself" for line in short})
+    warnings = [[f"left {name} running", None, None, ImpureInputs.LEFT.value] for name in names]
     return {**answer, "record": {**answer["record"], "warnings": [*answer["record"]["warnings"], *warnings]}}
 
 

@@ -360,7 +360,7 @@ class GeometryService:
         if "failed" in answer:
             broken = self._calls.failure(task.subject, answer)
             if task.definition.kind == "file" and broken.kind == "crashed" and broken.message.startswith("killed by"):
-                return replace(broken, kind="invalid", message=f"the file is damaged, or the CAD kernel cannot read it ({broken.message})")
+                return replace(broken, kind="invalid", message=f"the CAD kernel cannot read the file ({broken.message})")
             return broken
         value = with_left(answer["answer"], answer.get("left", ()))
         reads, ran, slices = value.pop("reads"), value.pop("ran", None), value.pop("slices", ())

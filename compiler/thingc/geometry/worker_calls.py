@@ -108,7 +108,7 @@ class WorkerCalls:
         """
         detail = answer.get("detail", "")
         file, line = self._part_line(detail)
-        message = f"it took longer than {self.timeout:g} s" if answer["failed"] == "hung" else answer["message"]
+        message = f"more than {self.timeout:g} s" if answer["failed"] == "hung" else answer["message"]
         return PartFailure(
             subject=subject, kind=answer["failed"], message=message, file=full(file, self._workspace.root), line=line,
             detail=detail or None,

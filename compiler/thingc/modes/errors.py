@@ -31,8 +31,8 @@ class BaseMoves(ModesError):
     def __init__(self, mode: str, link: str, twist: Array) -> None:
         linear, angular = float(np.linalg.norm(twist[:3])), float(np.linalg.norm(twist[3:]))
         super().__init__(
-            f"mode `{mode}` holds `{link}` at rest, but this link moves at {linear:.3g} m/s and {angular:.3g} rad/s: choose "
-            "on_motion=\"drop\" (the joints' velocities stay as they are) or on_motion=\"impact\" (a perfectly inelastic catch)"
+            f"link `{link}` must not move in mode `{mode}`, found {linear:.3g} m/s and {angular:.3g} rad/s: use "
+            "on_motion=\"drop\" or on_motion=\"impact\""
         )
         self.twist = twist
 
@@ -45,8 +45,8 @@ class BaseElsewhere(ModesError):
 
     def __init__(self, mode: str, link: str, distance: float, angle: float, tolerance: float) -> None:
         super().__init__(
-            f"mode `{mode}` fixes `{link}` to the world, but this link is {distance:.3g} m and {angle:.3g} rad away from its fixed pose "
-            f"(tolerance {tolerance:.3g}): move the link to this pose first, or use `base: held` for the mode"
+            f"link `{link}` is {distance:.3g} m and {angle:.3g} rad away from its fixed pose in mode `{mode}` "
+            f"(tolerance: {tolerance:.3g}): move the link, or use `base: held`"
         )
         self.distance = distance
         self.angle = angle

@@ -118,7 +118,7 @@ def check(mode: Mode, model: Any) -> None:
     names = [*(link.name for link in mode.links), *(hold.anchor for hold in mode.holds)]
     missing = next((name for name in names if name not in body_of), None)
     if missing is not None:
-        raise WrongData(f"the data for mode `{mode.name}` belongs to a model without a link `{missing}`")
+        raise WrongData(f"the model of the data for mode `{mode.name}` has no link `{missing}`")
     root, links = body_of[mode.root_link], {body_of[link.name] for link in mode.links}
     joints = {model.joint(number).name: number for number in range(model.njnt)}
     free = "ball" if model.body_dofnum[root] == 3 else "free"
@@ -134,13 +134,13 @@ def check(mode: Mode, model: Any) -> None:
     if base != mode.base or not same_tree or (base == "free" and model.jnt_type[model.body_jntadr[root]] != FREE):
         root_found = next((name for name, number in body_of.items() if number and model.body_parentid[number] == 0), "nothing")
         raise WrongData(
-            f"the data for mode `{mode.name}` belongs to the model of another mode: expected a {mode.base} `{mode.root_link}`, found "
-            f"`{root_found}` under the world"
+            f"expected data of mode `{mode.name}` with a {mode.base} base `{mode.root_link}`, found data of another mode with the base "
+            f"`{root_found}`"
         )
     if (displaced := find_displaced(mode, model, body_of)) is not None:
         raise WrongData(
-            f"the data for mode `{mode.name}` belongs to another variant: {displaced[0]} differs by {displaced[1]:.3g} (m or rad) from "
-            "`modes.json`; read the `modes.json` of that variant, or use `family.modes(settings)`"
+            f"the data for mode `{mode.name}` belongs to another variant ({displaced[0]} differs by {displaced[1]:.3g}): read the "
+            "`modes.json` of this variant, or use `family.modes(settings)`"
         )
 
 

@@ -35,7 +35,7 @@ class WithinSpec(Model):
 
     def _check_rules(self) -> None:
         if self.x is None and self.y is None and self.z is None:
-            raise rule("`within` must bound at least one of `x`, `y` and `z`", "write, for example, `x: [-10 mm, 10 mm]`")
+            raise rule("`within` requires bounds on `x`, `y` or `z`", "write, for example, `x: [-10 mm, 10 mm]`")
 
 
 class CentreTest(Model):

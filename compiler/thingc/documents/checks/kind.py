@@ -29,7 +29,7 @@ BOUNDED = ConfigDict(json_schema_extra={"anyOf": [{"required": ["min"]}, {"requi
 def require_bounds(low: object, high: object, kind: str, example: str) -> None:
     """Raise a validation error if a document test specifies neither `min` nor `max`."""
     if low is None and high is None:
-        raise rule(f"a `{kind}` test needs `min`, `max` or both", f"write, for example, `{example}`")
+        raise rule(f"a `{kind}` test requires `min` or `max`", f"write, for example, `{example}`")
 
 
 def read_direction(values: Sequence[Value], reader: Reader, key: str, example: str) -> Vector | None:

@@ -70,7 +70,7 @@ class NoCollisionTest(Model):
     def _check_rules(self) -> None:
         for key in ("samples", "certify"):
             if getattr(self, key) and not self.joints:
-                raise rule(f"`{key}` needs `joints`", f"remove `{key}`, or add, for example, `joints: {{elbow: all}}`")
+                raise rule(f"`{key}` requires `joints`", f"remove `{key}`, or add, for example, `joints: {{elbow: all}}`")
 
 
 class AllowedContact(OneLineRepr, FrozenStruct):

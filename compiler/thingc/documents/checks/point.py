@@ -47,7 +47,7 @@ class PointTest(Model):
 
     def _check_rules(self) -> None:
         if self.angle is not None and self.direction is None:
-            raise rule("`angle` needs a `direction`", "write, for example, `direction: [0, 0, -1]`")
+            raise rule("`angle` requires `direction`", "write, for example, `direction: [0, 0, -1]`")
 
 
 class PointCheck(OneLineRepr, FrozenStruct):

@@ -48,7 +48,7 @@ class StackTest(Model):
         if (self.within is None) != (self.yield_ is None):
             raise rule("`within` and `yield` must be used together", "write, for example, `within: 0.5 mm` and `yield: 99 %`")
         if self.worst is None and self.rss is None and self.within is None:
-            raise rule("a `stack` test needs `worst`, `rss`, or `within` and `yield`", "write, for example, `rss: 0.5 mm`")
+            raise rule("a `stack` test requires `worst`, `rss`, or `within` and `yield`", "write, for example, `rss: 0.5 mm`")
 
 
 class StackCheck(OneLineRepr, FrozenStruct):
@@ -78,7 +78,7 @@ def read_stack(spec: StackTest, reader: Reader) -> StackCheck | None:
     if share == 1.0:
         reader.error(
             Code.OUT_OF_RANGE, "`yield` must be below 100 %", "yield",
-            help="to limit the deviation of all robots, use `worst` instead of `yield`",
+            help="use `worst` to limit the deviation of all robots",
         )
     if of is None or base is None or along is None:
         return None

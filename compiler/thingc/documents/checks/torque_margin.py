@@ -55,7 +55,7 @@ def read_torque_margin(spec: TorqueMarginTest, reader: Reader) -> TorqueCheck:
         supported = [name for name, mode in reader.modes.items() if _is_supported(mode) and not unused_drives(joints, mode)]
         hint = f", or use a mode with a support: {', '.join(f'`{name}`' for name in supported)}" if supported else ""
         reader.error(
-            Code.TEST, f"the base of mode `{floating[0]}` is free and has no support", "mode" if spec.mode is not None else (),
+            Code.TEST, f"mode `{floating[0]}` has a free base without support", "mode" if spec.mode is not None else (),
             on_key=spec.mode is None, help=f"set `standing_on: [...]` in the mode{hint}",
         )
     for name in reader.chosen_modes:
@@ -86,7 +86,7 @@ def link(test: Test, check: TorqueCheck, drives: Mapping[str, JointEdge | Linked
         joint = drives.get(path)
         if joint is not None and joint.limit.effort is None:
             findings.error(
-                Code.TEST, f"drive `{path}` has no effort limit, so it has no margin",
+                Code.TEST, f"drive `{path}` has no effort limit",
                 (test.spans["drive"],) if "drive" in test.spans else test.origin, path=path,
                 help="set `limit: {effort: ...}` of the joint, or `effort` of its drive",
                 notes=make_notes(f"`{path}` is defined here", joint.origin),

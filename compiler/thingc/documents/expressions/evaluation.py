@@ -53,7 +53,7 @@ class _Evaluator:
         if term.name in CONSTANTS:
             return CONSTANTS[term.name]
         if term.name in UNITS:
-            help: Hint = f"a unit must follow a number: `2 {term.name}`"
+            help: Hint = f"write the unit after a number: `2 {term.name}`"
         else:
             help = did_you_mean(term.name, [*self.names, *CONSTANTS], what="names")
         raise ExpressionError(f"unknown name `{term.name}`", term.offset, term.end, kind="name", help=help)
@@ -85,7 +85,7 @@ class _Evaluator:
                 unit = other_quantity.dimension.example.partition(" ")[2]
                 help = f"write `{self.source_of(term)} {unit}`"
         raise ExpressionError(
-            f"cannot combine `{self.source_of(left)}`, {a.dimension.words}, with `{self.source_of(right)}`, {b.dimension.words}",
+            f"cannot combine `{self.source_of(left)}` ({a.dimension.words}) with `{self.source_of(right)}` ({b.dimension.words})",
             right.offset, right.end, kind="dimension", help=help,
         )
 

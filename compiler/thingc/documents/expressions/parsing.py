@@ -19,19 +19,19 @@ def parse_expression(text: str, *, dotted: bool = False) -> Expression:
     With `dotted`, names can contain dots (`centre.x`). Raises `ExpressionError` for invalid syntax.
     """
     if len(text) > MAX_TEXT:
-        raise ExpressionError(f"an expression of {len(text)} characters is too long (at most {MAX_TEXT})", 0, len(text))
+        raise ExpressionError(f"the expression has {len(text)} characters (at most {MAX_TEXT} are allowed)", 0, len(text))
     return Expression(text=text, tree=_Parser(text, _DOTTED if dotted else _NAME).parse())
 
 
 _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _DOTTED = re.compile(r"[A-Za-z_]\w*(?:\.(?:[A-Za-z_]\w*|\d+))*", re.ASCII)
 _OPERATOR = re.compile(r"\*\*|<=|>=|==|!=|[-+*/<>(),]")
+_SUPPORTED = "use only numbers, names, operators and functions"
 _UNSUPPORTED_HINTS = {
-    "^": "use `**` for powers", "%": "`%` is a unit here: `15 %`", "=": "use `==` for equality",
-    ".": "use the name of a parameter of this document, without `.`",
-    "&": "`and` is not supported", "|": "`or` is not supported", "[": "use round parentheses", "{": "use round parentheses",
-    "$": "in expressions, write the index as `i`, without `$`", "'": "expressions cannot contain strings",
-    '"': "expressions cannot contain strings",
+    "^": "use `**` for powers", "%": "write `%` only as a unit: `15 %`", "=": "use `==` for equality",
+    ".": "use a parameter of this document",
+    "&": _SUPPORTED, "|": _SUPPORTED, "[": "use round parentheses", "{": "use round parentheses",
+    "$": "write the index without `$`: `i`", "'": "remove the quotes", '"': "remove the quotes",
 }
 
 
@@ -79,7 +79,7 @@ class _Parser:
             token = number[0]
         help = _UNSUPPORTED_HINTS.get(token)
         if token in ("and", "or", "not", "if", "else"):
-            help = f"expressions do not support `{token}`"
+            help = _SUPPORTED
         return ExpressionError(f"expected {expected}, found `{token}`", self.index, self.index + len(token), help=help)
 
     def comparison(self) -> Term:
@@ -133,7 +133,7 @@ class _Parser:
     def enter_level(self, offset: int) -> None:
         self.depth += 1
         if self.depth > terms.MAX_DEPTH:
-            raise ExpressionError(f"an expression can have at most {terms.MAX_DEPTH} levels of nesting", offset, len(self.text))
+            raise ExpressionError(f"the expression has more than {terms.MAX_DEPTH} levels of nesting", offset, len(self.text))
 
     def atom(self) -> Term:
         if self.peek() == "(":
@@ -155,7 +155,7 @@ class _Parser:
             return self.call(name.group(), offset)
         if name.group() in terms.FUNCTIONS:
             raise ExpressionError(
-                f"`{name.group()}` is a function: write its arguments in parentheses", offset, name.end(),
+                f"the function `{name.group()}` has no arguments", offset, name.end(),
                 help=f"write `{name.group()}(...)`",
             )
         return NameUse(name=name.group(), offset=offset, end=name.end())
@@ -164,7 +164,7 @@ class _Parser:
         if self.peek() == ")":
             self.index += 1
         elif self.index >= len(self.text):
-            raise ExpressionError("the `(` opened here is not closed", opened, opened + 1, help="add `)`")
+            raise ExpressionError("the parenthesis `(` is not closed", opened, opened + 1, help="add `)`")
         else:
             raise self.unexpected_token("an operator or `)`")
 

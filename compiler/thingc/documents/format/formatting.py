@@ -43,9 +43,9 @@ def format_document(path: str, data: bytes, report: Report, *, schema: str | Non
         after = read_tree(path, formatted, reparse_report)
         if after is None or reparse_report.failed or not equal(before, after, shape):
             report.add(
-                Code.INTERNAL, "thingc did not format this document, because the formatted document would have another meaning",
+                Code.INTERNAL, "formatting would change the meaning of this document",
                 before.span,
-                help="this is a bug in thingc; please report it together with the document",
+                help="report this bug of thingc together with the document",
             )
             return None
     return formatted

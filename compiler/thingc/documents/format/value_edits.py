@@ -39,7 +39,7 @@ def set_values(document: Document, values: Mapping[Keys, Written]) -> Document:
     for keys, value in values.items():
         changed = _parse_document(document, set_value(document, keys, value))
         if changed is None or changed.tree.plain() != _set_item(document.tree.plain(), keys, _to_plain(value)):
-            reason = "cannot be set separately: an alias repeats the value, or thingc cannot edit this YAML syntax"
+            reason = "cannot be set separately (repeated by an alias or in unsupported YAML syntax)"
             raise CannotSetValue(document, keys, reason)
         document = changed
     return document
@@ -52,7 +52,7 @@ def remove_value(document: Document, keys: Keys) -> Document:
     """
     changed = _parse_document(document, (_remove_from_toml if _is_toml(document.path) else _remove_from_yaml)(document, keys))
     if changed is None or changed.tree.plain() != _remove_item(document.tree.plain(), keys):
-        raise CannotSetValue(document, keys, "cannot be removed: an alias repeats the key, or thingc cannot edit this YAML syntax")
+        raise CannotSetValue(document, keys, "cannot be removed (repeated by an alias or in unsupported YAML syntax)")
     return changed
 
 

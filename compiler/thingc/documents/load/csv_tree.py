@@ -83,8 +83,8 @@ def cells_of(source: Source, report: Report) -> list[list[tuple[str, Span]]] | N
                 rows.append(row)
     except csv.Error:
         report.add(
-            Code.SYNTAX, 'a cell has text after the closing quote, or no closing quote `"`', line_of(source.file, reader.line_num),
-            help='inside a quoted cell, write each quote character twice: `""`',
+            Code.SYNTAX, 'the quotes (`"`) of a cell are invalid', line_of(source.file, reader.line_num),
+            help='write each quote character in a quoted cell twice: `""`',
         )
         return None
     return rows

@@ -153,7 +153,7 @@ def find_packaged(text: str, *, where: Span | None, workspace: Workspace, examin
             help=did_you_mean(text, available, what="documents of packages"),
         )
     elif package in workspace.packages:
-        report.add(Code.MISSING_FILE, f"there is no document `{name}`: the package `{package}` is not installed", where, help="install it")
+        report.add(Code.MISSING_FILE, f"the package `{package}` is not installed", where, help=f"install the package `{package}`")
     else:  # possibly a file of another type
         report.add(
             Code.FILE_TYPE, f"expected a materials document ({', '.join(DOCUMENT_SUFFIXES)}), found `{name}`", where,

@@ -123,8 +123,8 @@ def _report_kind(root: Document, kinds: Collection[str], report: Report) -> None
     """Report that the root document has a kind that the command does not accept, such as `materials` instead of `assembly`."""
     if root.kind == "variants":
         report.add(
-            Code.WRONG_KIND, "this is a variants document, but a single assembly is required here", root.span(("thingc",)),
-            help="use `thingc batch` to build all variants, or build the assembly with -p 'NAME=VALUE' for a single variant",
+            Code.WRONG_KIND, "expected an assembly document, found a variants document", root.span(("thingc",)),
+            help="use `thingc batch` to build variants, or use an assembly document",
         )
         return
     *first_kinds, last = (f"`{kind}`" for kind in kinds)
@@ -134,7 +134,7 @@ def _report_kind(root: Document, kinds: Collection[str], report: Report) -> None
             "use a variants document, or `thingc build` to build one assembly" if kinds == ("variants",)
             else "use `thingc calibration ROBOT FILE`" if root.kind == "calibration" or kinds == ("calibration",)
             else "use the assembly that lists this document" if root.kind == "materials"
-            else "use the assembly document; thingc finds this file automatically"
+            else "use the assembly document"
         ),
     )
 
@@ -170,10 +170,10 @@ def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
         found = "a list" if isinstance(tree, SequenceNode) else "a string"
         span, help = tree.span, f"start the document with `{head_line(path)}`"
         if isinstance(tree, ScalarNode) and (missing := re.match(r"([A-Za-z_]\w*):(\S+)", tree.text)):
-            help = f"a space is missing after the colon: write `{missing.group(1)}: {missing.group(2)}`"
+            help = f"add a space after the colon: `{missing.group(1)}: {missing.group(2)}`"
         elif isinstance(tree, ScalarNode) and re.match(r"(\[\s*)?\w+\s*=", tree.text):
             stem = os.path.splitext(os.path.basename(path))[0]
-            help = f"a TOML document needs the extension `.toml`: rename the file to `{stem}.toml`, or {help}"
+            help = f"rename the TOML document to `{stem}.toml`, or {help}"
         report.add(Code.NOT_A_MAPPING, f"a document must be a mapping, found {found}", span, help=help)
     return None
 
@@ -222,10 +222,10 @@ class _Reader:
             return True
         if self.bytes > MAX_ALL_BYTES:
             self.report.add(
-                Code.TOO_LARGE, f"this document and the documents that it refers to have more than {MAX_ALL_BYTES} bytes", where,
+                Code.TOO_LARGE, f"this document and its nested documents have more than {MAX_ALL_BYTES} bytes", where,
             )
         elif len(self.report.diagnostics) - self.faults_before > MAX_FAULTS:
-            self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} errors; the remaining files are not read", where)
+            self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} errors (the remaining files are not read)", where)
         else:
             return False
         self.stopped = True
@@ -349,7 +349,7 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
         else:
             where = tree.keys[first] if first is not None else tree.span
             report.add(
-                Code.HEADER, "the key `thingc`, which specifies kind and version, is missing", where,
+                Code.HEADER, "the key `thingc` is missing", where,
                 help=f"start the document with `{head_line(file, usual)}`",
             )
         return None
@@ -362,7 +362,7 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
         else:
             found = "a list" if isinstance(node, SequenceNode) else "a mapping"
         report.add(
-            Code.HEADER, f"`thingc` must specify kind and version, found {found}", tree.keys["thingc"] if value is None else node.span,
+            Code.HEADER, f"expected a kind and a version in `thingc`, found {found}", tree.keys["thingc"] if value is None else node.span,
             help=f"write, for example, `{head_line(file, usual)}`",
         )
         return None

@@ -43,12 +43,12 @@ def find_file(
     """
     name = shorten(text)
     if not text.strip():
-        report.add(Code.MISSING_FILE, f"expected the path of {what}, found `{name}`", where)
+        report.add(Code.MISSING_FILE, f"expected the path of {what}, found an empty string", where)
         return None
     if os.path.isabs(text) or text.startswith(("/", "~")) or _DRIVE.match(text):
         report.add(
             Code.OUTSIDE_WORKSPACE, f"`{name}` is an absolute path", where,
-            help="write a path relative to this document, inside the workspace",
+            help="write a path relative to this document",
         )
         return None
     path = resolve_path(text, relative_to)
@@ -58,7 +58,7 @@ def find_file(
     if not workspace.contains(path):
         report.add(
             Code.OUTSIDE_WORKSPACE, f"`{name}` is outside the workspace", where,
-            help="move the file into the folder of `thingc.toml`, or create a `thingc.toml` in a folder that contains both files",
+            help="move the file into the folder of `thingc.toml`",
         )
         return None
     if not path.lower().endswith(suffixes):
@@ -113,7 +113,7 @@ def refuse_name(name: str, where: Span | None, report: Report) -> None:
     problem = "invisible characters" if is_text(name) else "bytes that are not UTF-8"
     report.add(
         Code.FILE_NAME, f"the file name `{escape_control(name)}` has {problem}: `{escape_control(find_invisible(name))}`", where,
-        help="rename the file: use only visible characters and spaces",
+        help="rename the file with visible characters and spaces",
     )
 
 
@@ -127,5 +127,5 @@ def _missing_file_hint(path: str, text: str, relative_to: str, suffixes: tuple[s
         return f"the folder `{shorten(prefix)}` does not exist" if prefix else "use a path relative to this document"
     names = [prefix + name for name in files if os.path.join(folder, name) != os.path.normpath(relative_to)]
     if not names:
-        return "correct the path, which is relative to this document"
+        return "write the path relative to this document"
     return file_meant(text, names)

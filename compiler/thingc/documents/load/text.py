@@ -104,7 +104,7 @@ def decode(file: str, data: bytes, report: Report) -> Source | None:
     forbidden = find_forbidden(text)
     if forbidden is not None:
         index, message = forbidden
-        report.add(Code.SYNTAX, message, source.span(index, index + 1), help="delete the character, which most editors do not show")
+        report.add(Code.SYNTAX, message, source.span(index, index + 1), help="delete the invisible character")
         return None
     return source
 

@@ -173,7 +173,7 @@ class _Statements:
         if self.report is not None and len(self.report.diagnostics) - self.faults_before < MAX_FAULTS:
             span = self.source.span
             self.report.add(
-                Code.DUPLICATE_KEY, f"the key `{shorten(name)}` is written twice", span(*key_range),
+                Code.DUPLICATE_KEY, f"duplicate key `{shorten(name)}`", span(*key_range),
                 notes=[Note(message="first defined here", span=span(*table.keys[name]))], help="remove or rename one of the two keys",
             )
         return True
@@ -257,7 +257,7 @@ class _Joiner:
         damaged = False
         if isinstance(value, (datetime.date, datetime.time)):
             message = f"expected a string or a number, found the date or time `{shorten(text)}`"
-            self.fault(Code.DATE, message, span, f'for a string, write `"{shorten(text)}"`')
+            self.fault(Code.DATE, message, span, f'put the value in quotes: `"{shorten(text)}"`')
             scalar, damaged = text, True
         elif isinstance(value, str):
             scalar = text = value
@@ -322,7 +322,7 @@ def _report_error(error: Exception, source: Source, syntax: TomlSyntax, report: 
         quoted = f'{key} = "{text}"' if key else f'"{text}"'
         report.add(
             Code.SYNTAX, f"`{shorten(text)}` is not a TOML value", source.span(start, end),
-            help=f"strings and quantities need quotes: `{shorten(quoted)}`",
+            help=f"put strings and quantities in quotes: `{shorten(quoted)}`",
         )
         return
     message, help = _translate_message(message_text)
@@ -358,17 +358,17 @@ def _translate_message(message: str) -> tuple[str, str | None]:
     if message.startswith("Expected '=' after a key"):
         return "expected `=` after the key", "write `key = value`"
     if message == "Invalid value":
-        return "expected a value", "strings and quantities need quotes"
+        return "expected a value", "put strings and quantities in quotes"
     if message.startswith("Expected newline or end of document"):
         return "expected the end of the line", "write one `key = value` per line"
     if message.startswith("Expected ']'"):
-        return "the `[` of this table is not closed", "add `]`"
+        return "the `[` of a table is not closed", "add `]`"
     if "Unterminated string" in message or "Illegal character '\\n'" in message:
         return "the string is not closed", 'add the closing `"`'
     if "Unclosed array" in message:
         return "a list is not closed", "add `]`, or `,` between the items"
     if "Unclosed inline table" in message:
-        return "an inline table is not closed", "add `}`, or `,` between the entries; an inline table must be on one line"
+        return "an inline table is not closed", "add `}` on the same line, or `,` between the entries"
     if "integer string conversion" in message:
         return "a whole number with too many digits", None
     return f"not well-formed TOML: {message[:1].lower()}{message[1:]}", None

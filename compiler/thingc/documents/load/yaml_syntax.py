@@ -38,17 +38,17 @@ def explain(source: Source, *, problem: str, at: int, context: str, began: int) 
     text = source.text
     tab = _find_tab(source, at)
     if tab is not None:
-        return SyntaxFault("found a tab in the indentation; YAML requires spaces", tab, tab + 1, help="replace the tab with spaces")
+        return SyntaxFault("expected spaces in the indentation, found a tab", tab, tab + 1, help="replace the tab with spaces")
     for match in _QUOTED.finditer(text, 0, at):
         start, end = match.start(), match.end() - 1
         if source.line_at(start) < source.line_at(end) == source.line_at(at):
             return SyntaxFault(
-                "the quote opened here is not closed on its line", start, start + 1, help=f"add `{text[start]}` at the end of the string",
+                "the quoted string is not closed on the same line", start, start + 1, help=f"add `{text[start]}` at the end of the string",
                 note=(f"the next `{text[start]}` closes the string here", end),
             )
     if "quoted scalar" in context and ("end of stream" in problem or "document indicator" in problem or "separator" in problem):
         quote = text[began : began + 1]
-        return SyntaxFault("the quote opened here is not closed", began, began + 1, help=f"add `{quote}` at the end of the string")
+        return SyntaxFault("the quoted string is not closed", began, began + 1, help=f"add `{quote}` at the end of the string")
     if "escape" in problem or "hexdecimal" in problem or "hexadecimal" in problem:
         return SyntaxFault("an unknown escape in double quotes", at, at + 1, help="write `\\\\` for a backslash, or use single quotes")
     unspaced = _find_missing_space(source, at)
@@ -72,8 +72,8 @@ def _explain_value(source: Source, problem: str, at: int, began: int) -> SyntaxF
     text = source.text
     if "mapping values are not allowed" in problem:
         return SyntaxFault(
-            "this value contains a second `:`", at, at + 1,
-            help="put a string that contains a colon and a space in quotes, or start a nested mapping on a new line",
+            "the value contains a second `:`", at, at + 1,
+            help="put the value in quotes, or start a nested mapping on a new line",
         )
     if "could not find expected ':'" in problem:
         line = source.line_at(began)
@@ -85,11 +85,11 @@ def _explain_value(source: Source, problem: str, at: int, began: int) -> SyntaxF
         )
     if "cannot start any token" in problem:
         character = text[at : at + 1]
-        return SyntaxFault(f"a value cannot start with `{character}`", at, at + 1, help="quote the value")
+        return SyntaxFault(f"a value cannot start with `{character}`", at, at + 1, help="put the value in quotes")
     if "alphabetic or numeric" in problem:
         return SyntaxFault(
             f"a value cannot start with `{text[began : began + 1]}`", began, began + 1,
-            help='a name that starts with `*` or `&` needs quotes: `"*_knee"`',
+            help='put a name that starts with `*` or `&` in quotes: `"*_knee"`',
         )
     return None
 
@@ -105,32 +105,31 @@ def _explain_layout(source: Source, problem: str, context: str, at: int, began: 
         if deeper is not None:
             line_start, columns = deeper
             return SyntaxFault(
-                "the indentation of this line does not match the mapping above it", at, end,
-                help=f"start all keys of a mapping in the same column, here column {' or '.join(map(str, columns))}",
+                "the indentation does not match the mapping above", at, end,
+                help=f"start the line in column {' or '.join(map(str, columns))}",
                 note=(f"the line above starts in column {columns[0]}", line_start),
             )
         line_above = _shallower_line_above(source, at)
         if line_above is not None:
             return SyntaxFault(
-                "this line has more indentation than the line above, which already has a value", at, end,
-                help="indent this line and the line above equally, because keys of a mapping must start in the same column",
+                "unexpected indentation after a key with a value", at, end, help="start the line in the same column as the line above",
                 note=("the line above starts here", line_above),
             )
         return SyntaxFault(
-            "the indentation of this line does not match the mapping above it", at, end,
-            help="start all keys of a mapping in the same column; if a string contains quotes, put the whole string in quotes",
+            "the indentation does not match the mapping above", at, end,
+            help="start all keys of a mapping in the same column, or put the whole string in quotes",
             note=("the mapping starts here", began),
         )
     if "block collection" in context or "block sequence" in context:
         return SyntaxFault(
-            "the indentation of this line does not match the list above it", at, end,
+            "the indentation does not match the list above", at, end,
             help="write the `-` of all items of a list in the same column",
             note=("the list starts here", began),
         )
     if "document start" in problem:
         return SyntaxFault(
             "expected the end of the document, found more text", at, end,
-            help="start all keys of the document in column 1: a document is a single mapping",
+            help="start all keys of the document in column 1",
         )
     if "block scalar" in context:
         return SyntaxFault("text after `|` or `>` must start on the next line", at, end, help="write the text on the next line")
@@ -194,12 +193,12 @@ def _explain_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxF
     if comment is not None and source.line_at(at) != source.line_at(began):
         start = began + comment.start()
         return SyntaxFault(
-            f"a `#` after a space starts a comment, so the `{opened}` of this line is not closed", start, start + len(comment.group()),
-            help=f'write `"{comment.group()}"`',
+            f"the `{opened}` is not closed before the comment (`#`)", start, start + len(comment.group()),
+            help=f'put the value in quotes: `"{comment.group()}"`',
         )
     if at >= len(source.text.rstrip()) or source.line_at(at) != source.line_at(began) or character in "}]":
         return SyntaxFault(
-            f"the `{opened}` opened here is not closed with `{closing}`", began, began + 1, help=f"add `{closing}`",
+            f"the `{opened}` is not closed with `{closing}`", began, began + 1, help=f"add `{closing}`",
             note=("found this text instead", min(at, max(0, len(source.text) - 1))),
         )
     preceding = source.text[max(began, at - _LONGEST_KEY) : at]
@@ -207,7 +206,7 @@ def _explain_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxF
     second_key = re.search(r":.*\s([\w.$*-]+)$", preceding) if character == ":" else None
     help = "put a string that contains a comma, a colon or quotes in quotes"
     if second_key is not None:
-        help = f"separate entries by commas: add a comma before `{second_key[1]}`"
+        help = f"add a comma before `{second_key[1]}`"
     if key is not None:
         help = f"write a colon and a space after the key: `{key[1]}: {character}`"
     return SyntaxFault(

@@ -92,11 +92,11 @@ class _Builder:
             kind = type(event).__name__
             if kind == "DocumentStartEvent":
                 if root is not None:
-                    message = "a second document starts here; a file must contain only one document"
+                    message = "expected one document per file, found a second document"
                     self.stop(Code.SEVERAL_DOCUMENTS, message, self.span(event), "move the second document to a separate file")
                 if event.version is not None and tuple(event.version) != (1, 2):
                     found = ".".join(map(str, event.version))
-                    message = f"documents are YAML 1.2, found `%YAML {found}`"
+                    message = f"expected YAML 1.2, found `%YAML {found}`"
                     self.report.add(Code.SYNTAX, message, self.source.span(0, 5), help="remove the `%YAML` line")
                 root = self.node(next(self.events), 1)
         return root
@@ -147,7 +147,7 @@ class _Builder:
         elif self.nodes > MAX_NODES:
             message = f"the document has more than {MAX_NODES} values"
         elif len(self.report.diagnostics) - self.faults_before > MAX_FAULTS:
-            message = f"the document has more than {MAX_FAULTS} errors; the rest of the document was not read"
+            message = f"the document has more than {MAX_FAULTS} errors (the rest was not read)"
         else:
             return
         start = event.start_mark.index
@@ -156,12 +156,12 @@ class _Builder:
     def alias(self, event: Any, level: int) -> Node:
         anchored = self.anchors.get(event.anchor)
         if anchored is None:
-            help: Hint = f'a value that starts with `*` needs quotes: `"*{event.anchor}..."`'
+            help: Hint = f'put a value that starts with `*` in quotes: `"*{event.anchor}..."`'
             if self.anchors:
                 help = did_you_mean(event.anchor, self.anchors, what="anchors")
-            self.stop(Code.ALIAS, f"`*{event.anchor}` refers to an unknown anchor", self.span(event), help)
+            self.stop(Code.ALIAS, f"the alias `*{event.anchor}` has no anchor", self.span(event), help)
         if anchored.node is None:
-            self.stop(Code.ALIAS, f"`*{event.anchor}` is inside the value that it refers to", self.span(event))
+            self.stop(Code.ALIAS, f"the alias `*{event.anchor}` is inside its own anchor", self.span(event))
         self.from_aliases += anchored.nodes
         self.nodes += anchored.nodes
         self.deepest = max(self.deepest, level + anchored.height)
@@ -245,7 +245,7 @@ class _Builder:
                 name, key_span = key
                 if name in entries:
                     self.report.add(
-                        Code.DUPLICATE_KEY, f"the key `{shorten(name)}` is written twice", key_span,
+                        Code.DUPLICATE_KEY, f"duplicate key `{shorten(name)}`", key_span,
                         notes=[Note(message="first defined here", span=keys[name])], help="remove or rename one of the two keys",
                     )
                 else:
@@ -278,8 +278,8 @@ class _Builder:
             if event.anchor not in self.anchors:
                 key_text = self.source.text[event.start_mark.index :].partition(":")[0].strip()
                 self.report.add(
-                    Code.ALIAS, f"`*{event.anchor}` refers to an unknown anchor", self.span(event),
-                    help=f'a key that starts with `*` needs quotes: `"{shorten(key_text)}"`',
+                    Code.ALIAS, f"the alias `*{event.anchor}` has no anchor", self.span(event),
+                    help=f'put a key that starts with `*` in quotes: `"{shorten(key_text)}"`',
                 )
             else:
                 self.report.add(Code.KEY_NOT_TEXT, f"a key must not be an alias, found `*{event.anchor}`", self.span(event))
@@ -287,19 +287,19 @@ class _Builder:
         start = event.start_mark.index
         if self.source.text[max(0, start - 1) : start] == "?" and not self.source.text[start : start + 1].isspace():
             # libyaml reads the `?` of `{?_knee: 1}` as an explicit key, although no space follows
-            self.stop(Code.SYNTAX, "a name cannot start with `?` here", self.source.span(start - 1, start), "quote the name")
+            self.stop(Code.SYNTAX, "a name cannot start with `?`", self.source.span(start - 1, start), "put the name in quotes")
         node = self.node(event, level + 1)
         if not isinstance(node, ScalarNode):
             found = "a list" if isinstance(node, SequenceNode) else "a mapping"
             self.report.add(
                 Code.KEY_NOT_TEXT, f"a key must be a string, found {found}", node.span,
-                help="a string that starts with `{` or `[` needs quotes",
+                help="put a string that starts with `{` or `[` in quotes",
             )
             return None
         if isinstance(node.value, str):
             if node.value == "<<" and not event.style:
                 self.report.add(
-                    Code.ALIAS, "`<<` is not supported: YAML 1.2 has no merge keys", node.span,
+                    Code.ALIAS, "the merge key `<<` is not supported", node.span,
                     help="copy the keys into this mapping, or use `defaults:`",
                 )
                 return None
@@ -342,7 +342,7 @@ class _Builder:
         unit_at_end = all(scan_number(piece.value) == (piece.value, len(piece.value)) for piece in (first, others[0]))
         corrected = text if unit_at_end else f"[{original}]"  # a unit at the end applies to all three values
         self.report.add(
-            Code.EXPRESSION_COMMA, "an unbracketed value ends at the comma: write a vector in `[]`, or separate its values by spaces", span,
+            Code.EXPRESSION_COMMA, "unexpected comma in a vector without brackets", span,
             help=Suggestion(f"write `{shorten(corrected)}`", (original, corrected) if "\n" not in original else None),
         )
         return ScalarNode(value=text, text=text, span=span, damaged=True)
@@ -370,7 +370,7 @@ class _Builder:
         if len(pieces) > 1:
             quoted = f"'{text}'" if '"' in text else f'"{text}"'
             self.report.add(
-                Code.EXPRESSION_COMMA, "the comma ends the expression: quote an expression with a comma inside `{}` and `[]`", span,
+                Code.EXPRESSION_COMMA, "unexpected comma in an expression without quotes", span,
                 help=Suggestion(f"write `{shorten(quoted)}`", (text, quoted) if text == self.source.text[start:end] else None),
             )
         self.nodes += 1

@@ -54,7 +54,7 @@ def check_renamable(workspace: WorkspaceIndex, name: Name) -> None:
     if workspace.index.find_declaration(name) is None:
         if name.kind == "index":
             raise RenameRefused(f"the index has its default name `{name.text}`: first add `as: {name.text}` under `repeat`")
-        raise RenameRefused(f"cannot find the definition of the {description} `{name.text}` of `{name.owner}` without running its code")
+        raise RenameRefused(f"the definition of the {description} `{name.text}` was not found in the code of `{name.owner}`")
     if name.kind == "sensor" and any(
         place.name.kind == "joint" and place.span == workspace.index.find_declaration(name) for place in workspace.index.places
     ):
@@ -64,18 +64,18 @@ def check_renamable(workspace: WorkspaceIndex, name: Name) -> None:
         raise RenameRefused(f"`{where}` uses a drive of the transmission `{name.text}`: rename the transmission by hand")
     for path, text in workspace.broken.items():
         if contains_word(text, name.text):
-            raise RenameRefused(f"`{workspace.relative(path)}` contains `{name.text}` but cannot be parsed: fix the file first")
+            raise RenameRefused(f"`{workspace.relative(path)}`, which contains `{name.text}`, cannot be parsed: fix the file first")
     if name.kind.startswith("part"):
         if not name.file.startswith(tuple(workspace.folders)):
             raise RenameRefused(f"`{name.owner}` does not belong to this workspace")
         code_place = workspace.parts.find_in_code(name)
         if code_place is not None:
             where = f"{workspace.relative(code_place[0])}:{code_place[1]}"
-            raise RenameRefused(f"`{name.text}` at {where} may refer to this {description} of `{name.owner}`: rename it there by hand")
+            raise RenameRefused(f"`{name.text}` at {where} may refer to the {description} of `{name.owner}`: rename by hand")
     if name.kind == "material":
         for path in workspace.parts.files():
             if f'"{name.text}"' in (text := workspace.read(path) or "") or f"'{name.text}'" in text:
-                raise RenameRefused(f"`{workspace.relative(path)}` also uses the material `{name.text}`: rename it there by hand")
+                raise RenameRefused(f"`{workspace.relative(path)}` also uses the material `{name.text}`: rename the material by hand")
 
 
 def rename_edits(workspace: WorkspaceIndex, name: Name, new: str) -> RenameEdits:
@@ -109,27 +109,27 @@ def replace_spans(workspace: WorkspaceIndex, spans: Iterable[Span], new: str) ->
 def _check(workspace: WorkspaceIndex, name: Name, new: str) -> None:
     description = DESCRIPTIONS.get(name.kind, name.kind)
     if not _NAME.fullmatch(new) or len(new) > 1000:
-        raise RenameRefused(f"`{escape_control(shorten(new))}` is not a valid name: use a letter, then letters, digits and `_`")
+        raise RenameRefused(f"`{escape_control(shorten(new))}` is not a valid name: use letters, digits and `_` after a letter")
     if new.lower() in ("true", "false", "null"):
-        raise RenameRefused(f"`{new}` is not a string in YAML unless it is quoted: choose another name")
+        raise RenameRefused(f"`{new}` is a reserved word of YAML: choose another name")
     if new in RESERVED and name.kind in _RESERVING:
-        raise RenameRefused(f"`{new}` is reserved and cannot be the name of a {description}")
+        raise RenameRefused(f"a {description} cannot have the reserved name `{new}`")
     if name.kind == "parameter" and (new in CONSTANTS or new in FUNCTIONS):
-        raise RenameRefused(f"`{new}` is reserved in expressions and cannot be the name of a parameter")
+        raise RenameRefused(f"a parameter cannot have the reserved name `{new}`")
     if name.kind.startswith("part"):
         import keyword
 
         if keyword.iskeyword(new):
-            raise RenameRefused(f"`{new}` is a Python keyword and cannot be the name of a {description}")
+            raise RenameRefused(f"a {description} cannot have the Python keyword `{new}` as its name")
         if new in workspace.parts.attributes(name):
             raise RenameRefused(f"`{name.owner}` already has a `{new}`")
         code_place = workspace.parts.find_in_code(replace(name, text=new))
         if code_place is not None:  # both names would become the same, so the rename could not be undone
             where = f"{workspace.relative(code_place[0])}:{code_place[1]}"
-            raise RenameRefused(f"`{new}` at {where} would then refer to this {description} of `{name.owner}`: choose another name")
+            raise RenameRefused(f"`{new}` at {where} would refer to the {description} of `{name.owner}`: choose another name")
         return
     for existing, kind in _find_conflicts(workspace, name, new):
-        difference = "" if existing == new else f", which differs from `{new}` only in case"
+        difference = "" if existing == new else " with different case"
         raise RenameRefused(f"there is already {kind} `{existing}`{difference}")
 
 

@@ -29,8 +29,8 @@ def _warning_code(value: Any) -> str:
     if value in ALLOWABLE:
         return value
     if value in _BY_CODE:
-        raise fault("choice", f"`{value}` is not a warning that `allow` can suppress", help=f"run `thingc explain {value}` for details")
-    raise fault("choice", f"there is no warning `{shorten(value)}`", help=did_you_mean(value, ALLOWABLE, what="warnings"))
+        raise fault("choice", f"`allow` cannot suppress `{value}`", help=f"run `thingc explain {value}` for details")
+    raise fault("choice", f"unknown warning code `{shorten(value)}`", help=did_you_mean(value, ALLOWABLE, what="warnings"))
 
 
 def _reason(value: Any) -> str:

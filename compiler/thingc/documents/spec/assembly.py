@@ -61,7 +61,6 @@ RawField = Annotated[
 ]
 
 
-FILE_SPECIFIES_UNIT = "STEP, 3MF and glTF files specify their unit"
 
 
 class ParameterSpec(Model):
@@ -252,7 +251,7 @@ class ComponentSpec(ComponentDefaults):
     def _check_rules(self) -> None:
         kinds = given_keys(self, KINDS)
         if not kinds:
-            raise rule("a component needs one of `part`, `file`, `assembly`, `link: true` or `frame: true`",
+            raise rule("a component requires one of `part`, `file`, `assembly`, `link: true` or `frame: true`",
                         "add `link: true` next to `shapes`" if self.shapes else "write, for example, `part: arm:BasePlate`")
         if len(kinds) > 1:
             found = " and ".join(f"`{k}`" for k in kinds)
@@ -262,11 +261,11 @@ class ComponentSpec(ComponentDefaults):
             )
         for key, kind, other, its in (("params", "part", "assembly", "parameters"), ("parameters", "assembly", "part", "params")):
             if getattr(self, key) and getattr(self, kind) is None:
-                help = Suggestion(f"with `{other}`, use `{its}`", (key, its)) if getattr(self, other) else f"remove `{key}`"
+                help = Suggestion(f"use `{its}` with `{other}`", (key, its)) if getattr(self, other) else f"remove `{key}`"
                 raise rule(f"`{key}` can only be used with `{kind}`", help, key)
-        require_with(self, "unit", "file", "remove `unit`: only files without a unit need it")
+        require_with(self, "unit", "file", "remove `unit`")
         if self.unit is not None and self.file is not None and self.file.lower().endswith(SUFFIXES_WITH_UNIT):
-            raise rule(f"`{self.file}` specifies its unit: {FILE_SPECIFIES_UNIT}", "remove `unit`", "unit")
+            raise rule(f"`unit` cannot be used with `{self.file}`, which specifies a unit", "remove `unit`", "unit")
         require_with(self, "faces", "file", "remove `faces`, and set `mesh` in `thingc.toml` instead")
         require_with(self, "shapes", "link", "move `shapes` to a separate component with `link: true`")
         for key in PART_KEYS:
@@ -279,7 +278,7 @@ class ComponentSpec(ComponentDefaults):
         if isinstance(self.collision, CollisionSpec) and self.frame is not None:
             raise rule("`collision` with shapes cannot be used with `frame`", "write `link: true` and list the `shapes`", "collision")
         if self.mirror is not None and self.frame is not None:
-            raise rule("`mirror` cannot be used with `frame`: a frame is its own mirror image", "remove `mirror`", "mirror")
+            raise rule("`mirror` cannot be used with `frame`", "remove `mirror`", "mirror")
         if self.attach is not None and self.at is not None:
             raise rule("a component cannot have both `attach` and `at`", "remove `attach` or `at`", "at")
         require_with(self, "mode", "assembly", "remove `mode`")
@@ -291,8 +290,8 @@ class ComponentSpec(ComponentDefaults):
         if self.keep and self.attach is None and self.at is None:
             raise rule("`keep` can only be used with `attach` or `at`", "write `keep: true` in a `fixed` joint, or remove `keep`", "keep")
         if isinstance(self.attach, dict) and len(self.attach) != 1:
-            raise rule(f"`attach` must contain one mate `{{my_mount: other.mount}}`, found {len(self.attach)}",
-                        "use only one mate, because a single mate determines the pose of the component" if self.attach
+            raise rule(f"expected one mate in `attach`, found {len(self.attach)}",
+                        "keep only one mate" if self.attach
                         else "write, for example, `{back: plate.servo_seat}`", "attach")
 
 
@@ -401,9 +400,7 @@ class DefaultsSpec(Model):
         collision = self.component.collision if self.component is not None else None
         choices = (collision, *collision.variants.values()) if isinstance(collision, CollisionSpec) else ()
         if any(choice.shapes for choice in choices if not isinstance(choice, str)):
-            raise rule(
-                "`shapes` cannot be a default, because shapes are relative to the frame of one part", "list the shapes in the component",
-            )
+            raise rule("`shapes` cannot be a default", "list the shapes in the component")
 
 
 class TurnSpec(Model):
@@ -420,7 +417,7 @@ class TurnSpec(Model):
 
     def _check_rules(self) -> None:
         if (self.rpy is None) == (self.quat is None) and not (self.rpy is None and self.xyz is not None):
-            raise rule("the rotation of a ball must be either `rpy` or `quat`", "write, for example, `{rpy: 0 20 0 deg}`")
+            raise rule("an orientation requires either `rpy` or `quat`", "write, for example, `{rpy: 0 20 0 deg}`")
 
 
 PoseValue = name_types.PoseValueField | list[fields.JointValueField] | dict[fields.Index, fields.JointValueField] | TurnSpec

@@ -55,7 +55,7 @@ def require_either(spec: BaseModel, first: str, second: str, description: str, h
     """Raise a validation error unless a mapping contains exactly one of two keys."""
     found = given_keys(spec, (first, second))
     if len(found) != 1:
-        raise rule(f"{description} needs exactly one of `{first}` and `{second}`, found {'both' if found else 'none'}", help)
+        raise rule(f"{description} requires exactly one of `{first}` and `{second}`, found {'both' if found else 'none'}", help)
 
 
 def require_with(spec: BaseModel, key: str, other: str, help: Hint) -> None:

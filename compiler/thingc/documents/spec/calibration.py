@@ -81,7 +81,7 @@ class MotorSpec(Model):
             wrong.append(rule(f"the `range` must increase, found {ends[0]} and {ends[1]}", help, "range"))
         values = [("offset", self.offset), *(("range", value) for value in ends)]
         wrong += [
-            rule(f"the encoder has the values 0 to {count - 1}, found {value}", "write an encoder value, without a homing offset", key)
+            rule(f"expected an encoder value from 0 to {count - 1}, found {value}", "write an encoder value, without a homing offset", key)
             for key, value in values if count is not None and not 0 <= value < count
         ]
         raise_all(wrong)

@@ -86,6 +86,6 @@ class DriveSpec(Model):
                 raise rule(f"a {self.kind} drive cannot have `{key}`", f"remove `{key}`", key)
         for key in ("noise", "deadband") if self.kind is None else ():
             if getattr(self, key) is not None:
-                raise rule(f"`{key}` needs a `kind`, which determines the unit of `{key}`", "write, for example, `kind: position`", key)
+                raise rule(f"`{key}` requires `kind`", "write, for example, `kind: position`", key)
         if self.kind == "position" and self.kp is None and self.component is None:
-            raise rule("a position drive needs `kp`", "write, for example, `kp: 20 N*m/rad`")
+            raise rule("a position drive requires `kp`", "write, for example, `kp: 20 N*m/rad`")

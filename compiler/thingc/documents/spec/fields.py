@@ -314,8 +314,8 @@ def name_of(value: Any) -> str:
 
     plain = re.sub("[\u0300-\u036f]+", "", normalize("NFD", value.strip()))  # letters without their accents
     cleaned = re.sub(r"\W+", "_", plain, flags=re.ASCII).strip("_")
-    help = f"write, for example, `{cleaned}`" if _NAME.fullmatch(cleaned) else None
-    raise fault("name", f"`{shorten(value)}` is not a valid name: use a letter, then letters, digits and `_`", help=help)
+    help = f"write, for example, `{cleaned}`" if _NAME.fullmatch(cleaned) else "use letters, digits and `_` after a letter"
+    raise fault("name", f"`{shorten(value)}` is not a valid name", help=help)
 
 
 def _validate_omitted(value: Any) -> tuple[str, ...]:
@@ -325,7 +325,7 @@ def _validate_omitted(value: Any) -> tuple[str, ...]:
         if not isinstance(text, str) or not text.startswith("-"):
             help = "write, for example, `-fasteners`"
             if isinstance(text, str) and _NAME.fullmatch(text):
-                help = f"to omit this level of detail, write `-{text}`"
+                help = f"write `-{text}` to omit this level of detail"
             raise fault("type", f"expected a minus sign and a level of detail, found {describe(text)}", help=help)
     return tuple(name_of(text[1:]) for text in levels)
 
@@ -350,9 +350,8 @@ def _reference(value: Any) -> str:
     offset = 0
     for word in value.split("."):
         if not _REFERENCE_WORD.fullmatch(word):
-            message = f"`{shorten(value)}` is not a valid reference"
-            if word != value:
-                message += f": `{shorten(word)}` in it is not a valid name" if word else ": a name is missing next to a `.`"
+            wrong = "" if word == value else f" (invalid name `{shorten(word)}`)" if word else " (missing name next to a `.`)"
+            message = f"`{shorten(value)}` is not a valid reference{wrong}"
             help = f"separate names with dots: `{shorten(value.replace('/', '.'))}`" if "/" in word else None
             if re.fullmatch(r"\w+ +\w+", word):
                 help = f"write `{'.'.join(word.split())}`"

@@ -97,10 +97,9 @@ class ContactShapeSpec(Model):
         help = "write each shape as a separate item: `- {...}`" if given_keys(self, KINDS) else "write, for example, `box: 40 40 20 mm`"
         require_one(self, KINDS, "a shape", help)
         for key in OF_MESHES:
-            why = "other shapes are convex" if key == "decompose" else "lengths of other shapes include their units"
-            require_with(self, key, "mesh", f"remove `{key}`: {why}")
+            require_with(self, key, "mesh", f"remove `{key}`")
         if self.unit is not None and self.mesh is not None and self.mesh.lower().endswith(SUFFIXES_WITH_UNIT):
-            raise rule(f"`{self.mesh}` specifies its unit, as all COLLADA and glTF files do", "use `scale` instead of `unit`", "unit")
+            raise rule(f"`unit` cannot be used with `{self.mesh}`, which specifies a unit", "use `scale` instead of `unit`", "unit")
 
 
 class ShapeSpec(ContactShapeSpec):

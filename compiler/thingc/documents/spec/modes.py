@@ -87,12 +87,12 @@ class HoldSpec(PoseSpec):
         super()._check_rules()
         placed = [key for key in ("xyz", "rpy", "quat") if key in self.model_fields_set]
         if self.at is not None and placed:
-            raise rule(f"a hold cannot have both `at` and `{placed[0]}`", f"remove `at` or `{placed[0]}`", placed[0])
+            raise rule(f"an entry of `hold` cannot have both `at` and `{placed[0]}`", f"remove `at` or `{placed[0]}`", placed[0])
         if self.at is None and not placed:
-            raise rule("a hold needs `at: here`, or `xyz` and `rpy`", "write, for example, `at: here`")
+            raise rule("an entry of `hold` requires `at: here`, or `xyz` and `rpy`", "write, for example, `at: here`")
         if self.carries == "force" and placed[-1:] in (["rpy"], ["quat"]):
             key = placed[-1]
-            raise rule(f"a hold with `carries: force` fixes only a point, so `{key}` has no effect", f"remove `{key}`", key)
+            raise rule(f"`{key}` has no effect with `carries: force`", f"remove `{key}`", key)
 
 
 class StandingSpec(Model):

@@ -115,7 +115,7 @@ class SensorSpec(Model):
                 required = " or ".join(f"`{key}`" for key in group)
                 here = "found both" if written else "found none"
                 help = "keep only one of the two keys" if written else f"write, for example, `{_EXAMPLES[group[0]]}`"
-                raise rule(f"a sensor of type `{self.type}` needs {required}, {here}", help)
+                raise rule(f"a sensor of type `{self.type}` requires {required}, {here}", help)
 
 
 _KEYS: tuple[SensorKey, ...] = ("at", "in", "joint", "tendon", "of", "with", "volume", "range", "fovy", "noise", "cutoff")

@@ -31,10 +31,10 @@ class _OneKind(Model):
     def _check_rules(self) -> None:
         written = [kind for kind in kinds() if getattr(self, kind) is not None]
         if not written:
-            raise rule("a test needs a kind", "write, for example, `{mass: {max: 2.2 kg}}`")
+            raise rule("a test requires a kind", "write, for example, `{mass: {max: 2.2 kg}}`")
         if len(written) > 1:
             named = " and ".join(f"`{kind}`" for kind in written)
-            raise rule(f"a test must have exactly one kind, found {named}", "split the test into two tests with different names")
+            raise rule(f"a test must have exactly one kind, found {named}", "write two tests with different names")
 
 
 if TYPE_CHECKING:

@@ -41,10 +41,10 @@ class DifferentialSpec(Model):
     def _check_rules(self) -> None:
         count = len(self.actuators)
         if len(self.joints) != count:
-            raise rule(f"a differential needs as many joints as actuators, found {count} actuators and {len(self.joints)} joints",
+            raise rule(f"expected {count} joints for {count} actuators of the differential, found {len(self.joints)}",
                        "list the same number of `actuators` and `joints`", "joints")
         if len(self.matrix) != count or any(len(row) != count for row in self.matrix):
-            raise rule(f"`matrix` must have {count} rows with {count} numbers each: a row for each actuator, a column for each joint",
+            raise rule(f"`matrix` must have {count} rows of {count} numbers",
                        "write, for example, `[[1, 1], [1, -1]]`", "matrix")
 
 
@@ -83,4 +83,4 @@ class TransmissionSpec(Model):
             for key in given_keys(self, (*SIMPLE, "backlash")):
                 raise rule(f"a transmission with `differential` cannot have `{key}`", f"remove `{key}`", key)
         elif missing:
-            raise rule(f"a transmission needs {' and '.join(missing)}", "write, for example, `{actuator: motor, joint: knee, ratio: 9}`")
+            raise rule(f"a transmission requires {' and '.join(missing)}", "write, for example, `{actuator: motor, joint: knee, ratio: 9}`")

@@ -44,7 +44,7 @@ class UnknownKey:
             hint, message = near_hint(self.key, self.known_keys), f"did you mean `{self.intended}`?"
             self.help = hint if hint is not None and str(hint) == message else message
         elif close := nearest(self.key, self.known_keys):
-            self.help = f"`{close}` already exists here"
+            self.help = f"remove the key, or use the existing key `{close}`"
         else:
             self.help = did_you_mean(self.key, self.known_keys, what="keys")
 
@@ -53,7 +53,7 @@ class UnknownKey:
         if suggestion not in self.known_keys:
             return suggestion
         if suggestion in self.present:
-            return f"use `{suggestion}`, which already exists here"
+            return f"use the existing key `{suggestion}`"
         self.intended = suggestion
         return Suggestion(f"use `{suggestion}`", (self.key, suggestion))
 
@@ -67,12 +67,12 @@ class UnknownKey:
         """Describe where an unknown key is valid: in a nested mapping, in a parent mapping, or in a section of the document."""
         value = node_at(self.document.tree, self.path)
         if "parameters" in self.known_keys and "part" not in self.known_keys and len(self.path) > 1 and isinstance(value, ScalarNode):
-            return f"to set a parameter, write `parameters: {{{shorten(self.key, 40)}: {shorten(value.text, 40)}}}`"
+            return f"write `parameters: {{{shorten(self.key, 40)}: {shorten(value.text, 40)}}}` to set a parameter"
         value_text = _node_text(value)
         if len(self.path) == 3 and self.path[0] == "defaults":
             entries = dict(sections(root)).get(f"{self.path[1]}s")
             if entries is not None and entries.model is not None and self.key in model_keys(entries.model):
-                return f"`defaults` does not support `{self.key}`: set the key in each entry of `{self.path[1]}s`"
+                return f"set `{self.key}` in each entry of `{self.path[1]}s`"
         mapping_keys = [key for key in self.known_keys if any(self.key in model_keys(model) for model in _models(self.model, key))]
         if mapping_keys:
             present_keys = [key for key in mapping_keys if key in self.present]
@@ -87,8 +87,7 @@ class UnknownKey:
         for depth, shape in reversed(list(enumerate(types_along(root, self.document, self.path[:-1])))[:-1]):
             if shape.model is not None and self.key in model_keys(shape.model):
                 enclosing = ".".join(str(step) for step in self.path[:depth])
-                place = f"the enclosing `{enclosing}`" if enclosing else "the document itself"
-                return f"`{self.key}` is a key of {place}: check the indentation"
+                return f"move the key into {f'`{enclosing}`' if enclosing else 'the document'} (check the indentation)"
         if len(self.path) == 1:
             return self._suggest_section(root, value.plain() if value is not None else None) or self._suggest_entry(root)
         return self._suggest_parameter(value_text)
@@ -104,19 +103,19 @@ class UnknownKey:
         best = max(scores, key=lambda name: scores[name], default=None)
         if best is None or scores[best] < 2.0:
             return None
-        return f"move `{self.key}` below the key `{best}`, and indent it by two more spaces"
+        return f"move `{self.key}` into the mapping `{best}`"
 
     def _suggest_entry(self, root: type[Model]) -> str | None:
         """Return a hint that lists other sections in which the unknown key is valid."""
         section_names = [name for name, entry in sections(root) if entry.model is not None and self.key in model_keys(entry.model)]
-        return f"`{self.key}` is a key of an entry of {one_of(section_names)}: check the indentation" if section_names else None
+        return f"move the key into an entry of {one_of(section_names)} (check the indentation)" if section_names else None
 
     def _suggest_parameter(self, text: str) -> str | None:
         """Return a help text that describes how to set the parameters of a part or of a nested document."""
         for kind, key in (("part", "params"), ("assembly", "parameters")):
             unclear = text == "..." or nearest(self.key, self.known_keys) is not None
             if {kind, key} <= set(self.known_keys) and kind in self.present and not unclear:
-                return f"to set a parameter of the {kind}, write `{key}: {{{shorten(self.key, 40)}: {text}}}`"
+                return f"write `{key}: {{{shorten(self.key, 40)}: {text}}}` to set a parameter of the {kind}"
         return None
 
 
@@ -200,15 +199,13 @@ def message_of(fault: Fault, *, toml: bool) -> tuple[str, str]:
     section, owner, names = str(fault.path[0]), fault.context["owner"], [f"`{shorten(name)}`" for name in fault.value]
     several = len(names) > 1
     keys = ", ".join(names[:-1]) + f" and {names[-1]}" if several else names[0]
-    verb = ("are written as" if several else "is written as") if toml else f"{'have' if several else 'has'} the indentation of"
-    entry = f"a {section.removesuffix('s')}"
-    message = f"{keys} {verb} {entry}, but"
-    pronoun = "them" if several else "it"
+    entry, what = section.removesuffix("s"), "keys" if several else "key"
+    message = f"{keys} must be {'keys' if several else 'a key'} of"
     if owner is None:
-        return f"{message} {'are keys' if several else 'is a key'} of {entry}", f"move {pronoun} inside one of the {section}"
+        return f"{message} a {entry}", f"move the {what} into one of the {section}"
     owner = shorten(owner)
-    help = f"write `[{section}.{owner}.{fault.value[0]}]`" if toml else f"indent {pronoun} further, like the other keys of `{owner}`"
-    return f"{message} probably {'belong' if several else 'belongs'} to `{owner}`", help
+    help = f"write `[{section}.{owner}.{fault.value[0]}]`" if toml else f"indent the {what} like the other keys of `{owner}`"
+    return f"{message} the {entry} `{owner}`", help
 
 
 def _is_misplaced(value: Any, key: FieldType, entry: FieldType) -> bool:

@@ -82,14 +82,14 @@ def _report_empty(document: Document, empty: Mapping[Path, ScalarNode], report: 
     for path, node in empty.items():
         paths.add(path)
         owner = next((f"`{shorten(step)}`" for step in reversed(path) if isinstance(step, str)), "the document")
-        help: Hint = "write a value after the colon, indent the lines that belong to the key, or remove the key"
+        help: Hint = "write a value after the colon, indent the following lines, or remove the key"
         key = document.span(path, key=True)
         after_key = document.line(key.end_line)[key.end_column - 1 :]
         comment = re.match(r":?\s+(#[0-9a-fA-F]{3,8})\b", after_key)
         if comment is not None:
-            help = f'a `#` starts a comment: write `"{comment.group(1)}"`'
+            help = f'put the value in quotes: `"{comment.group(1)}"`'
         elif re.match(r"\s*[,}]", after_key):
-            help = "inside braces, a comma ends a value: quote a string that contains a comma"
+            help = "put a string that contains a comma in quotes"
         message = f"an item of {owner} has no value" if path and isinstance(path[-1], int) else f"{owner} has no value"
         span = document.span(path, key=True) if node.text == "" else node.span
         code, decimal_comma = Code.NO_VALUE, _decimal_comma(document, path)

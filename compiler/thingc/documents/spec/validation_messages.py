@@ -62,7 +62,7 @@ class FaultReporter(FrozenStruct, eq=False):
             if (fault.kind == "missing" and fault.path[:-1] in self.damaged) or (fault.kind == "too_short" and fault.path in self.damaged):
                 continue
             if len(self.report.diagnostics) - reported_before >= MAX_FAULTS:
-                message = f"more than {MAX_FAULTS} errors in one document; further errors are not shown"
+                message = f"more than {MAX_FAULTS} errors in one document (further errors are not shown)"
                 self._add(Code.TOO_LARGE, message, self._place(fault.path), fault.path, None)
                 return
             if fault.path in unknown:
@@ -111,11 +111,11 @@ class FaultReporter(FrozenStruct, eq=False):
         key, parent = str(fault.path[-1]), fault.path[:-1]
         owner = f"`{format_path(parent)}`" if parent else "the document"
         assert fault.shape.model is not None
-        help = f"add the key `{key}`, whose value is {model_keys(fault.shape.model)[key][0].description}"
+        help = f"add the key `{key}` ({model_keys(fault.shape.model)[key][0].description})"
         by_default = ("defaults", str(parent[0])[:-1], *parent[2:]) if parent and parent[0] in ("joints", "components") else ()
         if by_default and node_at(self.document.tree, (*by_default, key)) is not None:
-            help += f"; the value of {owner} replaces `{format_path(by_default)}` completely: add all required keys here"
-        self._add(Code.MISSING_KEY, f"{owner} needs the key `{key}`", self._place(parent, key=True), parent, help)
+            help += f"; {owner} replaces all keys of `{format_path(by_default)}`"
+        self._add(Code.MISSING_KEY, f"the key `{key}` is missing in {owner}", self._place(parent, key=True), parent, help)
 
     def _unknown_choice(self, fault: Fault) -> None:
         choices = [format_choice(choice) for choice in fault.shape.choices]
@@ -127,7 +127,7 @@ class FaultReporter(FrozenStruct, eq=False):
 
     def _wrong_length(self, fault: Fault) -> None:
         if isinstance(fault.value, dict):
-            message = f"`{format_path(fault.path)}` is empty; at least one entry is required"
+            message = f"expected at least one entry in `{format_path(fault.path)}`, found none"
         else:
             minimum, maximum = fault.context.get("min_length"), fault.context.get("max_length")
             count = maximum if minimum is None else minimum
@@ -171,7 +171,7 @@ class FaultReporter(FrozenStruct, eq=False):
             flag = "true" if value.lower() in ("yes", "on") else "false"
             help = Suggestion(f"write `{flag}`", (value, flag))
         elif isinstance(value, str) and value.lower() == "none":
-            help = "if you do not need a value, remove the key"
+            help = "remove the key to omit the value"
         elif help is None and isinstance(value, dict) and len(value) == 1 and any(member.kind == "list" for member in alternatives(shape)):
             help = f"write a list with one item per key: `[{{{shorten(str(next(iter(value))))}: ...}}]`"
         elif help is None and isinstance(value, str) and any(member.kind == "list" for member in alternatives(shape)):
@@ -202,7 +202,7 @@ def _mapping_hint(document: Document, path: Path, value: Any, shape: FieldType) 
     if path[-1:] == ("attach",) and all(texts) and len(texts) in (1, 2):
         return f"write `{{{'my_mount' if len(texts) == 1 else shorten(texts[0])}: {shorten(texts[-1])}}}`"
     if path[:-1] == ("poses",) and all(texts) and texts:
-        return f"a pose sets positions of joints: `{{JOINT: {shorten(texts[0])}}}`"
+        return f"write the positions of joints: `{{JOINT: {shorten(texts[0])}}}`"
     for branch in alternatives(shape):
         long_form = mapping_text(branch.model, texts, value) if branch.model is not None else None
         if long_form is not None:
@@ -211,10 +211,10 @@ def _mapping_hint(document: Document, path: Path, value: Any, shape: FieldType) 
         entries: Mapping[str, Node] = node.items[0].entries if node.items and isinstance(node.items[0], MappingNode) else {}
         name_node, key = entries.get("name"), next(iter(entries), "")
         if isinstance(name_node, ScalarNode):
-            return f"write `{shorten(name_node.text)}:` instead of `- name: {shorten(name_node.text)}`, with its other keys below it"
+            return f"write `{shorten(name_node.text)}:` instead of `- name: {shorten(name_node.text)}`"
         if len(entries) == 1:
-            return f"remove the `-` of every item: write `{shorten(key)}:` instead of `- {shorten(key)}:`"
-        return f"write `{path[-1]}: {{NAME: ...}}`: the key of each entry is its name"
+            return f"write `{shorten(key)}:` instead of `- {shorten(key)}:`"
+        return f"write a mapping: `{path[-1]}: {{NAME: ...}}`"
     return None
 
 
@@ -223,7 +223,7 @@ def _unwrapped_hint(path: Path, fault: Fault) -> str | None:
     if not isinstance(fault.value, dict) or len(path) != len(fault.path) or fault.shape.field is None:
         return None
     if path[:1] == ("links",):
-        return "`links` only sets the name of a link, such as `base_link: plate`; set mass and geometry in components"
+        return "write only a component, such as `base_link: plate`"
     strings = [text for text in fault.value.values() if isinstance(text, str)]
     if len(fault.value) != 1 or not strings:
         return None
@@ -234,7 +234,7 @@ def _unwrapped_hint(path: Path, fault: Fault) -> str | None:
 def _space_hint(value: Any) -> str | None:
     """Return a hint for a string `key:value` in which a space after the colon is missing."""
     match = re.fullmatch(r"([A-Za-z_]\w*):(\S.*)", value) if isinstance(value, str) else None
-    return f"a space is missing after the colon: write `{match.group(1)}: {shorten(match.group(2))}`" if match else None
+    return f"add a space after the colon: `{match.group(1)}: {shorten(match.group(2))}`" if match else None
 
 
 def format_path(path: Path) -> str:

@@ -157,4 +157,4 @@ class VariantsSpec(Model):
         both = [name for name in (self.sample.ranges if self.sample is not None else {}) if name in self.parameters]
         if both:
             help = f"remove `{both[0]}` from `parameters` or from `sample`"
-            raise rule(f"`{both[0]}` is set under `parameters` and drawn under `sample`", help, "parameters")
+            raise rule(f"`{both[0]}` is in both `parameters` and `sample`", help, "parameters")

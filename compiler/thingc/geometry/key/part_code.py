@@ -84,10 +84,10 @@ class PartCode:
         top = module_name.partition(".")[0]
         allowed = module.workspace or top in self.workspace.packages
         if not allowed and (module.kind != "absent" or finder.find(top).kind == "installed"):
-            message = f"the module `{module_name}` must be in a part folder or in an allowed package"
+            message = f"the module `{module_name}` is not in a part folder or in an allowed package"
             if hidden := finder.find_hidden(top):
                 path = os.path.relpath(hidden, self.workspace.root)
-                message = f"the module `{top}` of Python or of a dependency of thingc hides `{path}`: rename the file"
+                message = f"the installed module `{top}` hides `{path}`"
             return PartFailure(subject=reference, kind="refused", message=message, candidates=tuple(self.workspace.packages))
         if module.kind == "installed":
             return None

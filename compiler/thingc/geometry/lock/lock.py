@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 LOCK_FILE = "parts.lock.json"
 VERSION: Literal["lock/1"] = "lock/1"
 MAX_BYTES = 10_000_000
-REMAKE = "run `thingc lock` on a machine that may run part code, and commit `parts.lock.json`"
+REMAKE = "run `thingc lock`, and commit `parts.lock.json`"
 """The help text for all errors in lock files."""
 
 
@@ -134,7 +134,7 @@ def read_lock(workspace: Workspace, report: Report) -> Lock | None:
     if not os.path.isfile(path) or not workspace.contains(path):
         report.add(
             Code.LOCK_BROKEN, f"`{LOCK_FILE}` is not a file of this workspace", None,
-            help="remove the file (symbolic links to files outside the workspace are not followed); then " + REMAKE,
+            help="remove the file, then " + REMAKE,
         )
         return None
     return read_lock_file(path, report)
@@ -162,8 +162,7 @@ def report_missing(workspace: Workspace, report: Report) -> None:
     """
     if not os.path.lexists(lock_path(workspace)):
         report.add(
-            Code.NO_LOCK, f"the workspace has no `{LOCK_FILE}`, which is required for lumps, and to check parts without running their code",
-            workspace.origin, help=REMAKE,
+            Code.NO_LOCK, f"the workspace has no `{LOCK_FILE}`", workspace.origin, help=REMAKE,
         )
 
 

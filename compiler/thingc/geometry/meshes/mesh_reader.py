@@ -56,7 +56,7 @@ def _read_beside(file: MeshFile) -> Any:
         with open(os.path.join(file.folder, name), "rb") as stream:
             contents[name] = stream.read(LARGEST)
         if hashlib.sha256(contents[name]).hexdigest() != digest:
-            raise BadMesh(f"takes its colours from `{name}`, which changed while it was read")
+            raise BadMesh(f"refers to `{name}`, which changed during reading")
     return trimesh.resolvers.ZipResolver(contents)
 
 
@@ -67,7 +67,7 @@ def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
     """
     data = read_bounded(os.path.join(file.folder, os.path.basename(file.path)), file.suffix)
     if hashlib.sha256(data).hexdigest() != file.sha256:
-        raise BadMesh("changed while it was read")
+        raise BadMesh("changed during reading")
     colored = [(color, _to_metres(file, data, corners)) for color, corners in _triangles(file, data)]
     count = sum(len(corners) for _, corners in colored)
     if count == 0:
@@ -76,7 +76,7 @@ def read_mesh(file: MeshFile, store: Store) -> MeshRecord:
     if not np.isfinite(corners).all():
         raise BadMesh("has a coordinate that is not finite")
     if float(np.abs(corners).max()) > FARTHEST:
-        raise BadMesh(f"reaches {float(np.abs(corners).max()):.3g} m, but at most {FARTHEST:g} m is supported")
+        raise BadMesh(f"has a coordinate of {float(np.abs(corners).max()):.3g} m (at most {FARTHEST:g} m is supported)")
     mesh, matter, flipped = _store_mesh(corners, store)
     by_color: dict[str | None, list[Any]] = {}
     for color, some in colored:
@@ -128,7 +128,7 @@ def _unreadable(file: MeshFile, data: bytes, fault: Exception) -> str:
     The message of trimesh is replaced for XML files other than COLLADA, such as the error page of a server.
     """
     if file.suffix == ".dae" and isinstance(fault, AttributeError):
-        return "is empty: it has no `<scene>`" if _COLLADA.search(data) else "is not COLLADA: it has no `<COLLADA xmlns=...>`"
+        return "contains no `<scene>`" if _COLLADA.search(data) else "contains no `<COLLADA xmlns=...>`"
     return str(damaged_file_error(file.suffix, fault))
 
 
@@ -188,7 +188,7 @@ def _to_metres(file: MeshFile, data: bytes, corners: NDArray[np.float64]) -> NDA
         try:
             unit = 1.0 if meter is None else float(meter[1])
         except ValueError:
-            raise BadMesh("has a `<unit>` whose `meter` is not a number") from None
+            raise BadMesh("has an invalid `meter` attribute of `<unit>`") from None
     x, y, z = (corners[..., k] for k in range(3))
     if up == b"Y":
         corners = np.stack([x, -z, y], axis=-1)

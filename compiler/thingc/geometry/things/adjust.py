@@ -45,7 +45,7 @@ def adjust_thing(thing: Thing, changes: Mapping[str, object]) -> Thing:
     for family, parameter, change in parent_changes:
         call = next((call for call in _parents(base) if call.family is family), None)
         if call is None:
-            message = f"with these parameters, `{cls.__name__}` does not call the `__init__` method that accepts `{parameter.name}`"
+            message = f"`{cls.__name__}` does not call the `__init__` method that accepts `{parameter.name}`"
             raise CallError(message, owner=cls.__name__, parameter=parameter.name)
         value = _apply_change(parameter, change, call.values[parameter.name], cls.__name__)
         values = adjustments.setdefault(family, {})
@@ -91,6 +91,6 @@ def _apply_change(parameter: Parameter, change: Change, current: Value, owner: s
         return parameter.canonical(value, owner)
     amount = Parameter(name=f"{parameter.name}__{operation}", kind="number", required=True, default=None)
     if parameter.kind not in NUMERIC:
-        raise amount.error(f"can only be used with a number, but `{parameter.name}` is {parameter.noun}", owner)
+        raise amount.error(f"requires a number, but `{parameter.name}` is {parameter.noun}", owner)
     number, start = float(amount.canonical(value, owner)), float(current)
     return parameter.canonical(start + number if operation == "add" else start * number, owner)

@@ -49,5 +49,5 @@ def asset(path: str, beside: str | None = None) -> Path:
         if os.path.isfile(candidate):
             return Path(candidate)
     if not allowed:
-        raise ValueError(f"`{path}` is outside the part's folder and the workspace, which asset() does not allow")
+        raise ValueError(f"asset() expects a path inside the part's folder or the workspace, found `{path}`")
     raise FileNotFoundError(f"there is no data file `{path}` next to the part's module or in the workspace")

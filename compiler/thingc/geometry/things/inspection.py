@@ -276,7 +276,7 @@ def up_of(thing: Thing) -> Vector | None:
         return None
     what = f"`print` of `{type(thing).__name__}`"
     if not isinstance(settings, Mapping) or set(settings) != {"up"}:
-        raise TypeError(f"{what} must have one key, `up`: write, for example, {{\"up\": (0, 0, 1)}}; found {settings!r}")
+        raise TypeError(f"{what} must be a mapping such as {{\"up\": (0, 0, 1)}}, found {settings!r}")
     up = _vector(what, settings["up"])
     length = math.hypot(*up)
     if not length > 0.0:

@@ -56,7 +56,7 @@ class MountPoint(Framed):
         if isinstance(location, (Plane, MountPoint)):
             location = location.location
         if not isinstance(location, Location):
-            raise TypeError(f"a MountPoint needs a Location, a Plane or another MountPoint, found {location!r}")
+            raise TypeError(f"a MountPoint requires a Location, a Plane or another MountPoint, found {location!r}")
         if tolerance is not None and not 0 <= tolerance < float("inf"):
             raise ValueError(f"the tolerance of a MountPoint must be at least 0 mm and finite, found {tolerance!r}")
         if facing is not None or mate_x is not None:
@@ -120,9 +120,9 @@ class MountPoint(Framed):
             raise TypeError(f"align() expects a mount of another Thing, such as `PenCap().seat`, found {other!r}")
         thing, name = other._owner, other._name
         if thing is None or name is None:
-            raise ValueError("align() expects a mount of another Thing, such as `PenCap().seat`; this mount does not belong to a Thing")
+            raise ValueError("align() expects a mount of another Thing, such as `PenCap().seat`, found a mount without a Thing")
         if not thing._construction.finished:
-            raise ValueError(f"align() expects a mount of another Thing; `{name}` belongs to the Thing under construction")
+            raise ValueError(f"align() expects a mount of another Thing, found `{name}` of the same Thing")
         under_construction = self._owner is None or not self._owner._construction.finished
         if under_construction and (thing, name) not in self._expected:
             self._expected.append((thing, name))
@@ -171,8 +171,8 @@ def _rotate_to(location: Location, facing: VectorLike | None, mate_x: VectorLike
     z, direction = Plane(location).z_dir, Vector(facing if facing is not None else mate_x)
     along = direction - z * direction.dot(z)
     if (facing is not None and mate_x is not None) or along.length < 1e-6:
-        expected = "one of `facing` and `mate_x`, a direction perpendicular to its z axis"
-        raise ValueError(f"a MountPoint needs {expected}; found {facing!r} and {mate_x!r}")
+        expected = "either `facing` or `mate_x`, perpendicular to its z axis"
+        raise ValueError(f"a MountPoint requires {expected}, found {facing!r} and {mate_x!r}")
     return Location(Plane(location.position, x_dir=along if facing is not None else z.cross(along), z_dir=z))
 
 

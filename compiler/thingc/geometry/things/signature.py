@@ -197,7 +197,7 @@ def _parameter(function: Callable[..., Any], argument: inspect.Parameter, owner:
     where = f"`{argument.name}` of `{owner}`"
     if argument.kind in (argument.VAR_POSITIONAL, argument.VAR_KEYWORD, argument.POSITIONAL_ONLY):
         stars = "*" * (argument.kind is argument.VAR_POSITIONAL) or "**" * (argument.kind is argument.VAR_KEYWORD)
-        reason = "name every parameter explicitly" if stars else "documents set parameters by name: remove the `/`"
+        reason = "write each parameter separately" if stars else "remove the `/`"
         raise SignatureError(f"`{stars}{argument.name}` of `{owner}` cannot be a parameter: {reason}")
     required = argument.default is argument.empty
     if argument.annotation is argument.empty:
@@ -235,7 +235,7 @@ def _kind_of_default(default: object, where: str) -> str:
         return "number"
     if isinstance(default, str):
         return "text"
-    raise SignatureError(f"{where} cannot be a parameter: its default is {default!r}, not a number, a string or a boolean")
+    raise SignatureError(f"the default of {where} must be a number, a string or a boolean, found {default!r}")
 
 
 def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
@@ -259,7 +259,7 @@ def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
         try:
             annotation = eval(annotation, scope)  # the author's own annotation, in the author's own module
         except Exception as error:
-            raise SignatureError(f"its annotation `{annotation}` cannot be read: {error}") from None
+            raise SignatureError(f"invalid annotation `{annotation}`: {error}") from None
     return annotation
 
 
@@ -279,22 +279,20 @@ def _kind_of_annotation(annotation: Any, where: str, text: str) -> tuple[str, fl
         kind = "choice"
         choices = typing.get_args(annotation)
         if not all(isinstance(choice, (str, int)) for choice in choices):
-            raise SignatureError(f"{where} cannot be a parameter: a choice must be a string, an integer or a boolean")
+            raise SignatureError(f"the choices of {where} must be strings, integers or booleans")
     elif origin in (Union, types.UnionType) and set(typing.get_args(annotation)) == {int, float}:
         kind = "number"
     elif isinstance(annotation, type) and annotation in _PLAIN:
         kind = _PLAIN[annotation]
     else:
-        raise SignatureError(
-            f"{where} cannot be a parameter: its annotation is `{text}`, not Length, Angle, Mass, Count, Ratio, float, int, "
-            "bool, str or Literal[...]"
-        )
+        kinds = "Length, Angle, Mass, Count, Ratio, float, int, bool, str or Literal[...]"
+        raise SignatureError(f"the annotation of {where} must be {kinds}, found `{text}`")
     for mark in markers:
         if isinstance(mark, Kind):
             kind = mark.kind
     ranges = [mark for mark in markers if isinstance(mark, Range)]
     if ranges and kind not in vocabulary.NUMERIC:
-        raise SignatureError(f"{where} cannot have a Range: it is {vocabulary.NOUNS.get(kind, 'a choice')}")
+        raise SignatureError(f"the Range of {where} requires a number, found {vocabulary.NOUNS.get(kind, 'a choice')}")
     minimum = max((mark.minimum for mark in ranges if mark.minimum is not None), default=None)
     maximum = min((mark.maximum for mark in ranges if mark.maximum is not None), default=None)
     return kind, minimum, maximum, choices

@@ -32,7 +32,7 @@ def sweep(shapes: Geometry, frame: Location, turn: Range, slide: Range, toleranc
 
     given = [ends for ends in (turn, slide) if ends is not None]
     if len(given) != 1 or not given[0][0] < given[0][1]:
-        raise ValueError(f"sweep() needs `turn` or `slide`, a lower and a higher value; found turn={turn!r} and slide={slide!r}")
+        raise ValueError(f"sweep() requires an increasing range `turn` or `slide`, found turn={turn!r} and slide={slide!r}")
     prisms: list[Solid] = []
     for solid in (one for shape in ([shapes] if isinstance(shapes, Shape) else shapes or ()) for one in shape.solids()):
         places, triangles = solid.moved(frame.inverse()).tessellate(tolerance / 4.0, FACET)
@@ -51,7 +51,7 @@ def sweep(shapes: Geometry, frame: Location, turn: Range, slide: Range, toleranc
             wires = [Wire.make_polygon([(x, y, low) for x, y in ring.tolist()], close=True) for ring in rings]
             prisms.append(Solid.extrude(Face(wires[0], wires[1:]), Vector(0.0, 0.0, high - low)).moved(frame))
     if not prisms:
-        raise ValueError("sweep() needs shapes with solids")
+        raise ValueError("sweep() requires shapes with solids")
     return prisms[0] if len(prisms) == 1 else Compound(prisms)
 
 

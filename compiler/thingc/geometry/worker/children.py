@@ -157,7 +157,7 @@ class Child:
             reason = "starved"
         reason = reason or "crashed"
         reasons = {
-            "hung": "", "swarmed": f"it had more than {PROCESSES} processes at once", "crashed": end_text(self.status),
+            "hung": "", "swarmed": f"more than {PROCESSES} at once", "crashed": end_text(self.status),
             "starved": f"more than {self.request.get('memory', DEFAULT_MEMORY) / 1e9:.3g} GB",
         }
         return {"id": self.request.get("id"), "failed": reason, "message": reasons[reason], "detail": tail}
@@ -201,14 +201,14 @@ class Child:
 def end_text(status: int | None) -> str:
     """Describe how a process ended, from its wait status."""
     if status is None:
-        return "it closed its pipe but did not exit"
+        return "closed its pipe without exiting"
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)
         try:
             return f"killed by {signal.Signals(number).name}"
         except ValueError:
             return f"killed by signal {number}"
-    return f"it exited the interpreter with status {os.WEXITSTATUS(status)}"
+    return f"exit status {os.WEXITSTATUS(status)}"
 
 
 def die_with_parent(parent: int) -> None:

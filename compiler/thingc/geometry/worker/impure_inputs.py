@@ -132,11 +132,11 @@ def _handle_event(event: str, arguments: tuple[Any, ...]) -> None:
         return
     if event in _PROCESSES:
         program = _PROCESSES[event](*arguments)
-        named = "a process" if program is None else f"`{_name_text(program)}`"
-        _note_use(ImpureInputs.PROCESS, f"starts {named}; thingc does not rebuild the part if the output changes")
+        named = "another program" if program is None else f"the program `{_name_text(program)}`"
+        _note_use(ImpureInputs.PROCESS, f"starts {named}")
     else:
         host = _name_text(_CONNECTIONS[event](*arguments))
-        _note_use(ImpureInputs.NETWORK, f"accesses `{host}` over the network; thingc does not rebuild the part if the response changes")
+        _note_use(ImpureInputs.NETWORK, f"accesses the network host `{host}`")
 
 
 def _name_text(name: Any) -> str:
@@ -157,8 +157,8 @@ def _wrap_environment() -> None:
             return original(self, key)
         except KeyError as fault:  # existing variables have fixed values, or the part itself set them
             name = _name_text(key)
-            if _note_use(ImpureInputs.ENVIRONMENT, f"reads the environment variable `{name}`, which is not available to parts"):
-                fault.add_note(f"parts run in a fixed environment, which does not contain `{name}`")
+            if _note_use(ImpureInputs.ENVIRONMENT, f"reads the unavailable environment variable `{name}`"):
+                fault.add_note(f"the environment of parts does not contain `{name}`")
             raise
 
     family.__getitem__ = getitem
@@ -166,7 +166,7 @@ def _wrap_environment() -> None:
 
 # --- the clock --------------------------------------------------------------------------------------------------------
 
-_CLOCK = "reads the clock; the first result stays cached"
+_CLOCK = "reads the clock"
 _DATE_METHODS = frozenset({"now", "today", "utcnow"})
 _CLOCKS = {
     "time": 0, "time_ns": 0, "monotonic": 0, "monotonic_ns": 0, "perf_counter": 0, "perf_counter_ns": 0, "process_time": 0,
@@ -260,7 +260,7 @@ def _stand_in(real: Any, new: Callable[..., Any], body: Mapping[str, Any]) -> ty
 
 # --- random numbers ---------------------------------------------------------------------------------------------------
 
-_CHANCE = "uses random numbers without a seed; the first result stays cached"
+_CHANCE = "uses random numbers without a seed"
 _SEEDING = frozenset({"seed", "setstate", "set_state", "set_bit_generator"})
 _STATE_READERS = frozenset({"getstate", "get_state", "get_bit_generator"})
 

@@ -51,10 +51,9 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist) -> Jo
         if limit.effort is not None and drive.effort is not None and limit.effort > drive.effort:
             unit = "N*m" if twist.turns else "N"
             tree.findings.warn(
-                Code.EFFORT, f"joint `{joint.name}` has an effort limit of {limit.effort:.6g} {unit}, "
-                f"but its actuator provides at most {drive.effort:.6g} {unit}", joint.origin_of("limit.effort", origin), path=path,
+                Code.EFFORT, f"the effort limit of joint `{joint.name}` ({limit.effort:.6g} {unit}) exceeds the effort of its actuator "
+                f"({drive.effort:.6g} {unit})", joint.origin_of("limit.effort", origin), path=path, allow=False,
                 help="lower `limit.effort`, or use a stronger actuator", notes=make_notes("the actuator is set here", drive.origin),
-                allow=False,
             )
         limit = replace(limit, effort=first(limit.effort, drive.effort), velocity=first(limit.velocity, drive.velocity))
         if dynamics.armature is None:
@@ -73,22 +72,22 @@ def actuator_of(instance: Instance, owner: str, drive: Drive, limit: Limit, find
     gear, speed, of = drive.gear, first(drive.velocity, limit.velocity), dimensions_of(ANGLE if turns else LENGTH)
     if drive.stall is not None and not speed:
         findings.error(
-            Code.DRIVE, f"the drive of {owner} has a `stall`, but no `velocity`", (drive.spans["stall"], *instance.origin),
-            help="set `velocity` to the no-load speed, at which the torque is 0",
+            Code.DRIVE, f"`stall` of the drive of {owner} requires `velocity`", (drive.spans["stall"], *instance.origin),
+            help="set `velocity` to the no-load speed",
         )
     effort = first(limit.effort, drive.effort)
     if drive.stall is not None and effort is not None and effort > drive.stall:
-        found = f"an effort of {Quantity(effort, of['effort'])}, but a `stall` of only {Quantity(drive.stall, of['effort'])}"
+        compared = f"({Quantity(effort, of['effort'])}) exceeds its `stall` ({Quantity(drive.stall, of['effort'])})"
         place, help = (drive.spans["stall"], *instance.origin), "lower `effort`, or increase `stall`"
-        findings.warn(Code.EFFORT, f"the drive of {owner} has {found}", place, help=help, allow=False)
+        findings.warn(Code.EFFORT, f"the effort of the drive of {owner} {compared}", place, help=help, allow=False)
     key, reach = ("effort", effort) if drive.kind == "motor" else ("velocity", first(limit.velocity, speed))
     if drive.kind == "position":
         key, reach = "rest", None if limit.lower is None or limit.upper is None else limit.upper - limit.lower
     for name, value in (("deadband", drive.deadband), ("noise", drive.noise)):
         if value is not None and reach is not None and value >= reach:
-            found = f"{Quantity(value, of[key])}, but the range of its command is {Quantity(reach, of[key])}"
+            compared = f"({Quantity(value, of[key])}) covers the command range ({Quantity(reach, of[key])})"
             place = drive.spans[name], *instance.origin
-            findings.error(Code.DRIVE, f"the `{name}` of the drive of {owner} is {found}", place, help=f"use a smaller `{name}`")
+            findings.error(Code.DRIVE, f"the `{name}` of the drive of {owner} {compared}", place, help=f"use a smaller `{name}`")
     stall = (drive.stall, speed) if drive.stall is not None and speed else None
     model = ActuatorModel(**instance.fields_of(drive, DriveValues), kind=drive.kind or "position", stall=stall)
     return model if gear is None else replace(model, transmission=instance.within(gear.name), ratio=gear.ratio, backlash=gear.backlash)
@@ -119,7 +118,7 @@ def fill_drive(tree: Tree, instance: Instance, owner: str, path: str, drive: Dri
             if gain == "kv":
                 help = f"add `kv` next to `component`, for example `kv: 0.1 {'N*m*s/rad' if turns else 'N*s/m'}`"
             tree.findings.error(
-                Code.NO_GAIN, f"{owner} has a {complete.kind} drive, but its actuator has no gain `{gain}`",
+                Code.NO_GAIN, f"the {complete.kind} drive of {owner} has no gain `{gain}`",
                 drive.origin + instance.origin, path=instance.within(path), help=help, notes=part.written,
             )
         drive = complete
@@ -168,14 +167,14 @@ def _no_actuator(tree: Tree, instance: Instance, owner: str, path: str, referenc
     """Report a drive whose component `named` has no actuator."""
     text, able = reference.text, list(_with_actuator(instance))
     if named.assembly is not None:
-        what = f" (`{named.assembly.label}`), which is an assembly"
+        what = f" (`{named.assembly.label}`) is an assembly"
         able.extend(f"{text}.{name}" for name in _with_actuator(named))
     elif named.part is not None and named.part.record is not None:
-        what = f" (`{named.part.definition.label}`), which has no actuator"
+        what = f" (`{named.part.definition.label}`) has no actuator"
     else:
-        what = ", which is a frame"
+        what = " is a frame"
     tree.findings.error(
-        Code.NO_ACTUATOR, f"{owner} is driven by `{text}`{what}", reference.origin + instance.origin, path=instance.within(path), help=(
+        Code.NO_ACTUATOR, f"`{text}`{what} and cannot drive {owner}", reference.origin + instance.origin, path=instance.within(path), help=(
             did_you_mean(text, able, what="components with an actuator") if able
             else f"add `actuator = Actuator(...)` to its class, or write the drive inline: {_INLINE[turns]}"
         ), notes=named.part.written if named.part is not None else (),

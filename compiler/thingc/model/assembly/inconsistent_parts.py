@@ -16,10 +16,7 @@ OTHER_SEED = 1
 every run.
 """
 
-_HELP = (
-    "sort the items of sets: `sorted(names)`; seed random generators; use parameters instead of the clock, the environment and other "
-    "processes"
-)
+_HELP = "sort sets, seed random generators, and use parameters instead of the clock, the environment and other processes"
 
 Show = Callable[[Any, int], str]
 """Function that formats a value with the given number of significant digits."""
@@ -72,20 +69,19 @@ class _Field(FrozenStruct, kw_only=False):
         if first == second:
             return None
         if self.show is None or isinstance(first, DeclaredValue) or isinstance(second, DeclaredValue):
-            return RecordDifference(self.name, f"its {self.name} differs")
+            return RecordDifference(self.name, f"the {self.name}")
         for digits in (4, 8, 12, 17):
             one, other = ("nothing" if value is None else self.show(value, digits) for value in (first, second))
             if one != other:
                 break
-        return RecordDifference(self.name, f"its {self.name} is {one} in the first build and {other} in the second")
+        return RecordDifference(self.name, f"the {self.name} ({one} and {other})")
 
     def _of_names(self, first: Mapping[str, Any], second: Mapping[str, Any]) -> RecordDifference | None:
         names = [name for name in dict.fromkeys((*first, *second)) if first.get(name) != second.get(name)]
         if names:
-            return RecordDifference(self.name, f"its {self.name} differ: {_join_names(names)}")
+            return RecordDifference(self.name, f"the {self.name} ({_join_names(names)})")
         if list(first) != list(second):
-            orders = f"{_join_names(first)} in the first build and {_join_names(second)} in the second"
-            return RecordDifference(self.name, f"the order of its {self.name} differs: {orders}")
+            return RecordDifference(self.name, f"the order of the {self.name} ({_join_names(first)} and {_join_names(second)})")
         return None
 
 
@@ -102,7 +98,7 @@ FIELDS: Mapping[str, _Field] = {
     "mounts": _Field("mounts"), "expectations": _Field("expected parts of mounts"),
     "references": _Field("list of expected parts"), "actuator": _Field("actuator"),
     "bom": _Field("bill of materials entries"),
-    "up": _Field("print orientation"), "apart": _Field("number or volume of its solids"),
+    "up": _Field("print orientation"), "apart": _Field("number or volume of solids"),
     "meshes": _Field("meshes"), "pieces": _Field("collision geometry"), "fits": _Field("smallest enclosing shapes"),
 }
 """The fields of a geometry record that are compared. The most informative field comes first."""
@@ -139,14 +135,14 @@ def compare(assembly: Assembly, again: Mapping[str, PartRecord | PartFailure], r
         of = f"`{occurrence.definition.label}`"
         notes = list(occurrence.written)
         if isinstance(second, PartFailure):
-            words = f"the second build failed: {second.message}"
+            message = f"the second build of {of} failed: {second.message}"
             if second.file is not None:
                 notes = [Note(message="location in the part file", span=line_of(second.file, second.line or 1))]
         else:
             differing = differences(occurrence.record, second)
             if not differing:
                 continue
-            words = differing[0].words
+            message = f"two builds of {of} differ in {differing[0].words}"
             if len(differing) > 1:
                 notes.append(Note(message=f"also different: {', '.join(other.name for other in differing[1:])}"))
-        report.add(Code.NOT_TWICE, f"two builds of {of} differ: {words}", occurrence.origin, path=occurrence.path, notes=notes, help=_HELP)
+        report.add(Code.NOT_TWICE, message, occurrence.origin, path=occurrence.path, notes=notes, help=_HELP)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from thingc.base.diagnostics import Code
+from thingc.base.diagnostics import Code, Note
 from thingc.base.inertia import LEAST_MASS, LEAST_MOMENT, ZERO, moments_fault, physical_fault, principal_moments
 from thingc.base.joints.kinds import stays
 from thingc.base.safe_text import quote_names
@@ -35,9 +35,9 @@ def check_stated(robot: Connected, findings: LinkReport) -> list[int]:
         if fault is None or inertia != ZERO and physical_fault(robot.links[robot.link_of[index]].properties.inertia) is None:
             continue
         faulty.append(index)
-        help = "check units and signs: the inertia is relative to the centre of mass, in the axes of the component"
+        help = "specify `inertia` relative to the centre of mass, in the axes of the component"
         if inertia == ZERO:
-            help = "remove `inertia`: thingc then computes the inertia from the geometry, or uses a point mass for a frame"
+            help = "remove `inertia` to use the computed inertia"
         findings.error(
             Code.NOT_PHYSICAL, f"the inertia of `{one.component.name}` is not physical: {fault}",
             one.component.full_origin(stated.origin, one.origin), path=one.path, help=help,
@@ -77,19 +77,18 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
         reported.update(link.origin[:1])
         members = [robot.occurrences[k] for k in link.members]
         named = f"component{'' if len(members) == 1 else 's'} {quote_names([member.path for member in members], 6)}"
+        notes = [Note(message=f"the link contains {named} and moves in mode `{mode}`")]
         if fault is not None:
-            code, what = Code.NOT_PHYSICAL, f"its inertia is not physical: {fault} ({named})"
+            code, message = Code.NOT_PHYSICAL, f"the inertia of the moving link `{link.name}` is not physical: {fault}"
             help = "add a mass to a component with geometry, or add `inertia:` to a component of the link"
         elif mass > 0.0:
             main = max(members, key=lambda one: one.properties.mass)
-            code, what, help = Code.TOO_LIGHT, f"is too light for MuJoCo: {light} ({_describe_size(main)})", _cause(main)
+            code, message, help = Code.TOO_LIGHT, f"the moving link `{link.name}` is too light for MuJoCo: {light}", _cause(main)
+            notes = [_size_note(main), *notes]
         else:
-            code, what = Code.MASSLESS, f"has no mass ({named})"
-            help = (
-                "add `mass:` to a component of the link (and `inertia:` if the component has no geometry), "
-                "or use `attach` instead of a joint; a link without mass is allowed only between two joints"
-            )
-        findings.error(code, f"link `{link.name}` moves in mode `{mode}`, but {what}", link.origin, path=link.name, help=help)
+            code, message = Code.MASSLESS, f"the moving link `{link.name}` has no mass"
+            help = "add `mass:` to a component of the link, or use `attach` instead of a joint"
+        findings.error(code, message, link.origin, path=link.name, help=help, notes=notes)
 
 
 def _light(mass: float, least: float) -> str | None:
@@ -98,16 +97,16 @@ def _light(mass: float, least: float) -> str | None:
     Return None if MuJoCo accepts the values.
     """
     if mass <= LEAST_MASS:
-        return f"its mass is {mass_words(mass)}, but must be more than {mass_words(LEAST_MASS)}"
+        return f"expected a mass above {mass_words(LEAST_MASS)}, found {mass_words(mass)}"
     if least < LEAST_MOMENT * (1.0 + _ROOM):
-        return f"its smallest moment of inertia is {least:.3g} kg m^2, but must be at least {LEAST_MOMENT:g}"
+        return f"expected moments of inertia of at least {LEAST_MOMENT:g} kg m^2, found {least:.3g}"
     return None
 
 
-def _describe_size(one: Occurrence) -> str:
-    """Describe the size and mass of an occurrence: `arm`, `foot.stl`, measures 0.06 x 0.06 x 0.06 mm and weighs 2.7e-07 g."""
+def _size_note(one: Occurrence) -> Note:
+    """Return a note with the size and mass of an occurrence: `arm` (`foot.stl`) measures 0.06 x 0.06 x 0.06 mm and weighs 2.7e-07 g."""
     size = f" measures {measures(one.box)} and" if one.box is not None else ""
-    return f"`{one.path}`, `{one.definition.label}`,{size} weighs {mass_words(one.properties.mass)}"
+    return Note(message=f"`{one.path}` (`{one.definition.label}`){size} weighs {mass_words(one.properties.mass)}")
 
 
 def _cause(one: Occurrence) -> str:
@@ -116,7 +115,6 @@ def _cause(one: Occurrence) -> str:
     if record is not None and record.box is not None:
         if longest_side(record.box) < SMALLEST:
             return unit_meant(one.component.definition, record.box)
-        doubt = density_doubt(one.properties.mass / record.volume)
-        if doubt is not None:
-            return f"check its density or mass: it {doubt.words}"
-    return "check the sizes, `mass` and `inertia` of the link and their units, or use `attach` instead of a joint"
+        if density_doubt(one.properties.mass / record.volume) is not None:
+            return f"check the density or the mass of `{one.path}`"
+    return "check the units of the sizes, `mass` and `inertia` of the link, or use `attach` instead of a joint"

@@ -170,7 +170,7 @@ class Tree:
                     self.findings.error(
                         Code.MOUNT_CLASH, f"`{component.name}` already has a mount `{name}`",
                         component.full_origin(extra.origin, instance.origin), path=instance.path,
-                        help="rename the mount that is added here", notes=_exports_note(definition),
+                        help="rename the new mount", notes=_exports_note(definition),
                     )
                 elif instance.index is not None:
                     self.added.setdefault(instance.index, {})[f"{instance.path}/{name}"] = extra
@@ -292,7 +292,7 @@ def _no_mount(instance: Instance, name: str, label: str, document: Instance) -> 
         return _SILENT
     return _Fault(
         code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, label)} has no mount `{name}`",
-        help=f"the part has an attribute `{name}`, but it is not a mount: write `self.{name} = MountPoint(...)`"
+        help=f"define the mount in the part class: `self.{name} = MountPoint(...)`"
         if part.record is not None and name in part.record.references else _mount_help(name, part.mounts, document),
         notes=part.written,
     )
@@ -306,7 +306,7 @@ def _mount_help(name: str, mounts: Collection[str], document: Instance) -> Hint:
     """
     numbers = sorted(int(mount[len(name) + 1 :]) for mount in mounts if re.fullmatch(rf"{re.escape(name)}_\d+", mount))
     if numbers:
-        return f"`{name}` is a list: its mounts are `{name}_{numbers[0]}`" + (f" to `{name}_{numbers[-1]}`" if len(numbers) > 1 else "")
+        return f"use a mount of the list: `{name}_{numbers[0]}`" + (f" to `{name}_{numbers[-1]}`" if len(numbers) > 1 else "")
     owners = [other for other, child in document.children.items() if child.part is not None and name in child.part.mounts]
     if closest_name(name, mounts) is None and len(owners) == 1:
         return f"{did_you_mean('', mounts, what='mounts')}; or did you mean `{owners[0]}.{name}`?"

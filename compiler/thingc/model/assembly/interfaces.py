@@ -20,7 +20,7 @@ from thingc.model.assembly.types import Connected, Occurrence
 ENGAGED = 0.8
 """Smallest engaged length of a thread relative to its diameter: the height of a nut (ISO 4032)."""
 _NUMBER = re.compile(r"\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+")
-_HELP = "use mounts that fit together, or correct the `interface` of one of them"
+_HELP = "use mounts that fit together, or correct the `interface` of a mount"
 
 
 def check_interfaces(robot: Connected, placed_by_at: Collection[int], findings: LinkReport) -> None:
@@ -49,7 +49,7 @@ def check_interfaces(robot: Connected, placed_by_at: Collection[int], findings: 
                 f"{a} on `{parent_name}`, {b} on `{child_name}`" + (f" ({reason})" if reason else "") for a, b, reason in mismatches
             )
             findings.error(
-                Code.INTERFACE, f"`{child_name}` does not fit `{parent_name}`: {details}", mate.origin, path=child.path, help=_HELP,
+                Code.INTERFACE, f"mount `{child_name}` does not fit `{parent_name}`: {details}", mate.origin, path=child.path, help=_HELP,
                 notes=(*_declaration_note(parent, mate.parent_mount), *_declaration_note(child, mate.child_mount)),
             )
 
@@ -77,7 +77,7 @@ def check_screws(robot: Connected, findings: LinkReport) -> None:
                 fault = _screw_fault(shank, *holes[0]) if holes else None
                 if fault is not None and _copy_key(mate.origin, screw) not in reported:
                     reported.add(_copy_key(mate.origin, screw))
-                    subject = f"`{screw.name}` on `{mount_name(robot.occurrences[neighbour], head)}`"
+                    subject = f"screw `{screw.name}` on `{mount_name(robot.occurrences[neighbour], head)}`"
                     help = "use a screw of another size, or correct the `depth` of the hole"
                     findings.warn(Code.SCREW, f"{subject} {fault}", mate.origin, path=screw.path, help=help)
 
@@ -100,13 +100,12 @@ def _screw_fault(shank: Shank, distance: float, depth: float, thread: str, mount
     """Describe how a screw does not fit the threaded hole that it reaches, or return None."""
     engaged, needed = shank.length - distance, minimum(depth, ENGAGED * (nominal(shank.thread) or 0.0))
     if shank.thread.casefold() != thread.casefold():
-        return f"has the thread {shank.thread}, but the hole at `{mount}` has the thread {thread}"
+        return f"has the thread {shank.thread}, expected {thread} at `{mount}`"
     if engaged > depth + SAME:
-        room = f"the distance to `{mount}` is {mm(distance)}, and the threaded hole is {mm(depth)} deep"
-        return f"is {mm(shank.length)} long, {mm(engaged - depth)} too long: {room}"
+        return f"({mm(shank.length)}) is too long for the hole at `{mount}` (at most {mm(distance + depth)})"
     if engaged <= 0.0:
-        return f"is {mm(shank.length)} long, and does not reach `{mount}`, {mm(distance)} below its head"
-    return f"engages {mm(engaged)} of the thread at `{mount}`, but at least {mm(needed)} are needed" if engaged < needed - SAME else None
+        return f"({mm(shank.length)}) is too short to reach `{mount}` ({mm(distance)})"
+    return f"engages only {mm(engaged)} of the thread at `{mount}` (at least {mm(needed)} required)" if engaged < needed - SAME else None
 
 
 def check_declared(robot: Connected, findings: LinkReport) -> None:
@@ -115,7 +114,7 @@ def check_declared(robot: Connected, findings: LinkReport) -> None:
     for part in robot.occurrences:
         mounts = part.record.mounts if part.record is not None and part.definition.text not in reported else {}
         for name, declaration in [(name, declaration) for name, mount in mounts.items() for declaration in mount.contradictions]:
-            message = f"the mount `{name}` of `{part.definition.label}` declares {declaration}"
+            message = f"mount `{name}` of `{part.definition.label}` does not match {declaration}"
             help = "correct the `interface` of the mount, or the geometry of the part"
             if findings.warn(Code.INTERFACE_GEOMETRY, message, part.origin, path=part.path, notes=_declaration_note(part, name), help=help):
                 reported.add(part.definition.text)
@@ -135,7 +134,7 @@ def check_added_interfaces(assembly: Connected, measure: Callable[[Collection[st
     for part, name, mount, brep in reversed(added.values()):
         for declaration in contradictions(mount.features, mount.pose, measured[brep]):
             report.warn(
-                Code.INTERFACE_GEOMETRY, f"`{mount_name(part, name)}` declares {declaration}", mount.origin, path=part.path,
+                Code.INTERFACE_GEOMETRY, f"mount `{mount_name(part, name)}` does not match {declaration}", mount.origin, path=part.path,
                 help="correct the `interface` or the pose of the mount", allow=True,
             )
 
@@ -207,14 +206,14 @@ def _warn_unexpected(
     label = part.definition.label if part is not None else ""
     if part is not None and label == expected:  # the labels are equal, because they do not show the digits that differ
         expected, label = expectation.text, part.definition.text
-    text = f"`{name}.{expectation.mount}` expects `{expected}`"
+    text = f"expected `{expected}` on mount `{name}.{expectation.mount}`"
     help = f"attach the mount `{expectation.child_mount}` of `{expected}` to `{name}.{expectation.mount}`"
     if part is None:
-        findings.warn(Code.EXPECTATION, f"{text}, but nothing is attached to this mount", owner.origin, path=owner.path, help=help)
+        findings.warn(Code.EXPECTATION, f"{text}, found nothing", owner.origin, path=owner.path, help=help)
         return
     if _is_expected(part, expectation, owner):
-        message = f"{text} with mount `{expectation.child_mount}`, but `{part.component.name}` is attached with mount `{mount}`"
+        message = f"expected mount `{expectation.child_mount}` of `{part.component.name}` on `{name}.{expectation.mount}`, found `{mount}`"
     else:
-        message = f"{text}, but `{part.component.name}` (`{label}`) is attached to this mount"
+        message = f"{text}, found `{part.component.name}` (`{label}`)"
     notes = make_notes(f"`{name}` is defined here", owner.origin)
     findings.warn(Code.EXPECTATION, message, part.origin, path=part.path, help=help, notes=notes)

@@ -31,10 +31,9 @@ from thingc.model.assembly.types import Assembly, Connected, Mate, Occurrence
 from thingc.model.resolve.types import AssemblyDefinition
 
 ABSENT = {
-    "decompose": "the part has no convex decomposition", "part": "its part class has no `collision()`",
-    "hull": "the part has no convex hull", "mesh": "the part has no mesh",
+    "decompose": "convex decomposition", "part": "method `collision()`", "hull": "convex hull", "mesh": "mesh",
 }
-"""Reasons for a missing collision shape, by the value of the key `collision`."""
+"""The geometry that a collision shape requires, by the value of the key `collision`."""
 
 
 def check_contacts(occurrences: Sequence[Occurrence], findings: LinkReport) -> None:
@@ -47,9 +46,8 @@ def check_contacts(occurrences: Sequence[Occurrence], findings: LinkReport) -> N
         if one.record is None or not one.record.meshes or choice in ("none", "shapes") or one.touching:
             continue
         findings.error(
-            Code.COLLISION_MISSING, f"`{one.path}` ({one.definition.label}) has `collision: {choice}`, but "
-            + ABSENT.get(choice, f"no {choice} could be fitted to it"), one.origin, path=one.path,
-            help="write `collision: hull`, or `collision: none` to disable contacts",
+            Code.COLLISION_MISSING, f"`{one.path}` ({one.definition.label}) has no {ABSENT.get(choice, f'enclosing {choice}')} for "
+            f"`collision: {choice}`", one.origin, path=one.path, help="write `collision: hull`, or `collision: none` to disable contacts",
         )
 
 

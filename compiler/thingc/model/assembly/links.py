@@ -102,8 +102,7 @@ def _namings(tree: Tree, link_of: Sequence[int]) -> dict[int, _Naming]:
             if earlier is not None and earlier.document == naming.document:
                 earlier_name = earlier.name.rsplit("/", 1)[-1]
                 tree.findings.error(
-                    Code.LINK_NAMED_TWICE,
-                    f"`{entry.name}` and `{earlier_name}` are two names of one link: no joint separates their components",
+                    Code.LINK_NAMED_TWICE, f"the names `{entry.name}` and `{earlier_name}` refer to the same link",
                     naming.origin, path=naming.name, help="remove one of the two names",
                     notes=make_notes(f"`{earlier_name}` is defined here", earlier.origin),
                 )
@@ -120,9 +119,8 @@ def _clash(earlier: Link, link: Link, *, named: bool, occurrences: Sequence[Occu
     named_link, unnamed_link = (link, earlier) if named else (earlier, link)
     first = occurrences[unnamed_link.members[0]]
     findings.error(
-        Code.DUPLICATE_LINK, f"two links have the name `{link.name}`: this link and the link of component `{first.path}`",
-        named_link.origin,
-        path=link.name, help=f"choose another name, or give the link of `{first.path}` another name under `links:`",
+        Code.DUPLICATE_LINK, f"two links have the name `{link.name}`", named_link.origin,
+        path=link.name, help="choose another name for one of the links under `links:`",
         notes=make_notes(f"`{first.path}` is defined here", unnamed_link.origin),
     )
 

@@ -92,8 +92,8 @@ def _joint_mates(tree: Tree, instance: Instance, coordinates: Sequence[Joint], m
         tree.findings.incomplete = True
         tree.findings.error(
             Code.PLACED_ON_ITSELF,
-            f"joint `{joint.name.joint}` connects `{joint.child.path[0]}` with itself: its mounts are `{joint.parent.text}` and "
-            f"`{joint.child.text}`", joint.parent.origin + instance.origin, path=instance.within(joint.path),
+            f"joint `{joint.name.joint}` connects component `{joint.child.path[0]}` with itself (`{joint.parent.text}` and "
+            f"`{joint.child.text}`)", joint.parent.origin + instance.origin, path=instance.within(joint.path),
             help="use mounts of two different components", notes=make_notes("the child", joint.child.origin),
         )
         return
@@ -124,16 +124,14 @@ def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[L
         parent, other = (link_of[end] for end in (mate.parent, mate.child))
         if mate.free and mate.loop is None and mate.joints[0].path in looping:
             findings.error(
-                Code.LOOP, f"the free joint `{mate.name}` is part of a loop, and a loop would constrain the joint", mate.origin,
-                path=mate.name,
+                Code.LOOP, f"the free joint `{mate.name}` is part of a loop", mate.origin, path=mate.name,
                 help="remove the joint with `loop: true`, or use another `type`",
             )
         if mate.loop is not None and not mate.free and other in groups[parent]:
             name = links[parent].name
-            same = f"both of its mounts are on link `{name}`"
-            where = same if parent == other else f"link `{links[other].name}` is fixed to link `{name}`"
+            ends = "itself" if parent == other else f"the fixed link `{links[other].name}`"
             findings.error(
-                Code.LOOP, f"joint `{mate.loop}` does not close a loop: {where}", mate.origin, path=mate.loop,
+                Code.LOOP, f"joint `{mate.loop}` connects link `{name}` with {ends}", mate.origin, path=mate.loop,
                 help="use mounts of two links that move relative to each other, or remove the joint",
                 notes=make_notes(f"link `{name}` is defined here", links[parent].origin),
             )
@@ -199,7 +197,7 @@ def _check_cycles(instance: Instance, definition: AssemblyDefinition, findings: 
         findings.error(
             Code.PLACEMENT_CIRCLE, f"components are placed in a cycle: {hops}", placements[cycle[0]][1] + instance.origin,
             path=instance.within(cycle[0]), help="place one of these components on a component outside the cycle" + (
-                "; if one of the joints closes a loop, add `loop: true` to the joint" if jointed & set(cycle) else ""
+                ", or add `loop: true` to a joint that closes a loop" if jointed & set(cycle) else ""
             ), notes=[note for member in cycle[1:MAX_CYCLE] for note in make_notes(f"`{member}` is placed here", placements[member][1])],
         )
 
@@ -214,6 +212,6 @@ def _check_bases(instance: Instance, definition: AssemblyDefinition, findings: L
         return
     first, second = (instance.children[name] for name in bases[:2])
     findings.error(
-        Code.TWO_BASES, f"`{bases[0]}` and `{bases[1]}` are not placed, but an assembly has only one base", second.origin, path=second.path,
-        help=f"add `attach`, `at` or a joint that places `{bases[1]}`", notes=make_notes(f"`{bases[0]}` is defined here", first.origin),
+        Code.TWO_BASES, f"expected one base component, found `{bases[0]}` and `{bases[1]}`", second.origin, path=second.path,
+        help=f"place `{bases[1]}` with `attach`, `at` or a joint", notes=make_notes(f"`{bases[0]}` is defined here", first.origin),
     )

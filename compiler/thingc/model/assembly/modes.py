@@ -77,7 +77,7 @@ def _holds(tree: Tree, mode: Mode) -> tuple[Hold[LinkedMount], ...]:
         earlier = holds.setdefault((choice.occurrence, choice.mount), linked)
         if earlier is not linked:
             tree.findings.error(
-                Code.HOLD, f"mode `{mode.name}` holds `{choice.path}` twice", hold.origin, path=choice.path,
+                Code.HOLD, f"`{choice.path}` is listed twice under `hold` of mode `{mode.name}`", hold.origin, path=choice.path,
                 help="remove one of the two entries from `hold`", notes=make_notes("the other entry is here", earlier.origin),
             )
     return tuple(holds.values())
@@ -183,7 +183,7 @@ def check_poses(tree: Tree, joints: Sequence[JointEdge], loops: Collection[str],
         for name in mode.poses:
             if name not in names and not findings.earlier:
                 findings.error(
-                    Code.UNKNOWN_POSE, f"mode `{mode.name}` uses pose `{name}`, which the document does not define", mode.origin,
+                    Code.UNKNOWN_POSE, f"mode `{mode.name}` uses the undefined pose `{name}`", mode.origin,
                     path=mode.name, help=did_you_mean(name, names, what="poses"),
                 )
     by_path = {joint.path: joint for joint in joints}
@@ -211,8 +211,8 @@ def _check_cone(pose: NamedPose, ball: tuple[JointEdge, ...], findings: LinkRepo
     if cone is not None and angle > cone * (1.0 + _ROUNDING):
         name = joint.name.joint
         findings.error(
-            Code.POSE_LIMITS, f"pose `{pose.name}` turns `{name}` by {joint.twist.format(angle)}, outside its cone of "
-            f"{joint.twist.format(cone)}", pose.origins.get(joint.path, pose.origin), path=pose.name,
+            Code.POSE_LIMITS, f"the rotation of `{name}` in pose `{pose.name}` ({joint.twist.format(angle)}) exceeds its cone limit "
+            f"({joint.twist.format(cone)})", pose.origins.get(joint.path, pose.origin), path=pose.name,
             help="write a smaller rotation, or widen the cone", notes=make_notes(f"`{name}` is defined here", joint.origin),
         )
 
@@ -221,7 +221,7 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
     twist, lower, upper = joint.twist, joint.limit.lower, joint.limit.upper
     if not isfinite(q):
         findings.error(
-            Code.POSE_LIMITS, f"pose `{pose.name}` moves `{joint.name}` to a value that is not finite", pose.origin, path=pose.name,
+            Code.POSE_LIMITS, f"the value of `{joint.name}` in pose `{pose.name}` is not finite", pose.origin, path=pose.name,
             help="write a smaller value", notes=make_notes(f"`{joint.name}` mimics another joint here", joint.origin),
         )
         return
@@ -230,21 +230,19 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
     if not below and not above:
         return
     if lower is not None and upper is not None:
-        limits = f"its limits {twist.format(lower)} to {twist.format(upper)}"
+        limits = f"{twist.format(lower)} to {twist.format(upper)}"
     else:
-        limits = f"its lower limit {twist.format(lower)}" if lower is not None else f"its upper limit {twist.format(upper or 0.0)}"
-    origin = pose.origin
+        limits = f"at least {twist.format(lower)}" if lower is not None else f"at most {twist.format(upper or 0.0)}"
+    origin, help = pose.origin, f"set `{joint.name}` in the pose"
     if joint.path in pose.values:
         origin = pose.origins.get(joint.path, origin)
-        fault, help = f"puts `{joint.name}` at {twist.format(q)}, outside {limits}", "write a value within the limits, or widen the limits"
+        help = "write a value within the limits, or widen the limits"
     elif joint.mimic is not None:
         origin = pose.origins.get(joint.mimic.joint.path, origin)
-        fault = f"puts `{joint.name}`, which mimics `{joint.mimic.joint}`, at {twist.format(q)}, outside {limits}"
-        help = f"set `{joint.mimic.joint}` so that both joints are within their limits, or widen the limits"
-    else:
-        fault, help = f"does not set `{joint.name}`, and its default 0 is outside {limits}", f"set `{joint.name}` in the pose"
+        help = f"change `{joint.mimic.joint}`, which `{joint.name}` mimics, or widen the limits"
     findings.error(
-        Code.POSE_LIMITS, f"pose `{pose.name}` {fault}", origin, path=pose.name, help=help,
+        Code.POSE_LIMITS, f"the value of `{joint.name}` in pose `{pose.name}` ({twist.format(q)}) is outside its limits ({limits})",
+        origin, path=pose.name, help=help,
         notes=make_notes(f"`{joint.name}` is defined here", joint.origin),
     )
 
@@ -262,12 +260,12 @@ def _pairs(tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: S
         for members, reference in zip(sides, (pair.one, pair.other), strict=True):
             if members and not any(occurrences[member].has_contacts for member in members):
                 tree.findings.error(
-                    Code.CONTACTS, f"`{reference.text}` is in a contact pair, but has no collision shapes", pair.origin,
+                    Code.CONTACTS, f"component `{reference.text}` of the contact pair has no collision shapes", pair.origin,
                     help="set `collision` of the component, or remove the pair",
                 )
         if all(sides) and not separate:
             tree.findings.error(
-                Code.CONTACTS, f"`{pair.one.text}` and `{pair.other.text}` are rigidly connected, so they cannot collide", pair.origin,
+                Code.CONTACTS, f"`{pair.one.text}` and `{pair.other.text}` of the contact pair are rigidly connected", pair.origin,
                 help="use two components of different links",
             )
         for a, b in separate:
@@ -294,7 +292,7 @@ def _groups(tree: Tree, mode: Mode) -> Iterator[ContactGroup[int]]:
             if (owner := owners.setdefault(member, group.name)) != group.name:
                 name = tree.occurrences[member].name
                 tree.findings.error(
-                    Code.CONTACTS, f"`{name}` is in two contact groups, `{owner}` and `{group.name}`", reference.origin,
+                    Code.CONTACTS, f"`{name}` is in both contact groups `{owner}` and `{group.name}`", reference.origin,
                     help="remove the component from one of the two groups",
                 )
         yield ContactGroup(name=group.name, members=tuple(members), collides=group.collides)

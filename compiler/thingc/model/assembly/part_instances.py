@@ -24,12 +24,12 @@ from thingc.model.resolve.plausibility import density_cure, density_doubt, mass_
 from thingc.model.resolve.types import AssemblyDefinition, BomEntry, Component, Material, Process
 
 _INSTEAD: Mapping[ImpureInputs, str] = {
-    ImpureInputs.ENVIRONMENT: "pass the value as a parameter, or in a file that the part reads with `asset(...)`",
+    ImpureInputs.ENVIRONMENT: "pass the value as a parameter",
     ImpureInputs.CLOCK: "pass the value as a parameter",
     ImpureInputs.CHANCE: "seed the generator: `random.Random(7)`, `numpy.random.default_rng(7)`",
-    ImpureInputs.PROCESS: "write the output of the program to a file beforehand, and read the file with `asset(...)`",
-    ImpureInputs.NETWORK: "download the data to a file beforehand, and read the file with `asset(...)`",
-    ImpureInputs.LEFT: "wait for processes that the part starts: use `subprocess.run(...)`, or a pool in a `with` block",
+    ImpureInputs.PROCESS: "save the output of the program in a file, and read the file with `asset(...)`",
+    ImpureInputs.NETWORK: "save the data in a file, and read the file with `asset(...)`",
+    ImpureInputs.LEFT: "wait for the process, for example with `subprocess.run(...)`",
 }
 """Help texts that suggest replacements for impure inputs of parts."""
 _SHOWN_PLACES = 8
@@ -130,16 +130,12 @@ class PartInstances:
             hint = did_you_mean(name, materials, what="materials")
             similar = nearest(name, materials)
             if similar is None:
-                hint = f"{hint}; list a document that defines it under `materials:` (`thingc_stock.materials` defines common ones)"
-                hint = f"{hint}, or set `material:` here"
+                hint = f"{hint}; set `material:`, or list a document that defines `{name}` under `materials:`"
             notes = list(make_notes(f"`{similar}` is defined here", materials[similar].origin)) if similar is not None else []
             notes += first.written
             places = {use.origin: use for use in reversed(others) if use.origin[:1] != first.origin[:1]}
             notes += _further_uses(reversed(places.values()), "material")
-            message = (
-                f"`{first.component.name}` ({first.label}) is made of `{name}` by default, "
-                f"but `{first.scope.name}` has no material with this name"
-            )
+            message = f"unknown default material `{name}` of `{first.component.name}` ({first.label})"
             if needed:
                 first.error(Code.UNKNOWN_MATERIAL, message, help=hint, notes=notes)
             else:
@@ -168,7 +164,7 @@ class PartInstances:
             elif part.kind == "file" and failure.kind in ("invalid", "raised", "crashed"):
                 help = "open the file in a CAD program, and export the part again as a solid"
             elif part.kind == "file" and code is Code.PART_EMPTY:
-                unit = "" if said_by_file(part) else "set the unit of the file (such as `unit: m`; default: mm), or "
+                unit = "" if said_by_file(part) else "set the unit of the file, such as `unit: m`, or "
                 help = f"{unit}export the file again as a solid"
             self._findings.error(code, message, first.origin, path=first.path, notes=notes, detail=failure.detail, help=help)
 
@@ -225,7 +221,7 @@ class PartInstances:
             volumes = ", ".join(f"{float(f'{1e6 * volume:.3g}'):g}" for volume in record.apart[:_SHOWN_PLACES])
             ellipsis = ", ..." if len(record.apart) > _SHOWN_PLACES else ""
             message = f"{use.label} consists of {len(record.apart)} separate solids ({volumes}{ellipsis} cm^3)"
-            help = "make the solids overlap, or return a list if separate solids are intended: `return [a, b]`"
+            help = "make the solids overlap, or return a list of solids: `return [a, b]`"
             self._warn_once((record.text, Code.APART.code), use, Code.APART, message, help=help, notes=use.written)
 
     def _warn_once(
@@ -246,11 +242,11 @@ class PartInstances:
         bought = bom.make == "buy" or bom.make is None and (process.kind or "").lower() == "bought"
         if record.own_image and component.image_of is None:
             code = Code.OWN_IMAGE
-            message = f"`{component.name}` is mirrored, but the mirror image of `{original.label}` has the same shape"
+            message = f"`mirror` has no effect on the symmetric part `{component.name}` (`{original.label}`)"
             help = "remove `mirror`"
         elif bought and bom.number is None:
             code = Code.MIRRORED_BOUGHT
-            message = f"`{component.name}` is the mirror image of `{original.label}`, a purchased part: a mirrored version may not exist"
+            message = f"`{component.name}` is the mirror image of the purchased part `{original.label}`"
             help = "remove `mirror`, or add the order number of the mirror image: `bom: {number: ...}`"
             if component.image_of is not None:
                 help = "move the component from the mirrored assembly to the enclosing assembly"
@@ -275,11 +271,11 @@ class PartInstances:
             materials = use.scope.materials
             use.error(Code.NO_MATERIAL, f"`{component.name}` ({use.label}) has neither a material nor a mass", help=(
                 f"add `material:` ({did_you_mean('', materials, what='materials')}) or `mass:`" if materials
-                else "list a document under `materials:` and set `material:` to one of its materials, or add `mass:`"
+                else "list a document under `materials:` and set `material:`, or add `mass:`"
             ))
         elif weighed is None and material is not None:
             use.error(
-                Code.NO_MATERIAL, f"`{component.name}` is made of `{material.name}`, which has no density",
+                Code.NO_MATERIAL, f"the material `{material.name}` of `{component.name}` has no density",
                 help=f"add `density:` to `{material.name}`, or `mass:` to `{component.name}`",
                 notes=make_notes(f"`{material.name}` is defined here", material.origin),
             )
@@ -318,16 +314,16 @@ class PartInstances:
         if stated is not None:
             doubt = mass_doubt(weighed.properties.mass, record.volume)
             if doubt is not None:
-                help = None if doubt.meant is None else f"probably `{mass_words(doubt.meant)}` was meant"
+                help = None if doubt.meant is None else f"did you mean `{mass_words(doubt.meant)}`?"
                 place = component.full_origin(stated.origin, use.origin)
-                use.warn(Code.DENSITY, f"`{component.name}` {doubt.words}", origin=place, help=help)
+                use.warn(Code.DENSITY, f"the density of `{component.name}` {doubt.words}", origin=place, help=help)
         elif record.mass is not None or record.density is not None:
             self._warn_of_thing_density(use, record)
         elif material is not None and material.density is not None:
             doubt = density_doubt(material.density)
             if doubt is not None:
                 notes = make_notes(f"`{component.name}` is made of this material", use.origin)
-                message = f"`{material.name}` {doubt.words}"
+                message = f"the density of `{material.name}` {doubt.words}"
                 use.warn(Code.DENSITY, message, origin=material.density_origin, notes=notes, help=density_cure(doubt))
 
     def _warn_of_thing_density(self, use: _Use, record: PartRecord) -> None:
@@ -338,9 +334,9 @@ class PartInstances:
         elif record.density is not None:
             method, unit, doubt = "density", "kg/m^3", density_doubt(record.density.value)
         if doubt is not None:
-            help = f"`{method}()` returns {unit}" + ("" if doubt.meant is None else f", probably {doubt.meant:.6g}")
+            help = f"return a value in {unit} from `{method}()`" + ("" if doubt.meant is None else f", such as {doubt.meant:.6g}")
             key = (record.text, Code.DENSITY.code)
-            self._warn_once(key, use, Code.DENSITY, f"{use.label} {doubt.words}", help=help, notes=use.written)
+            self._warn_once(key, use, Code.DENSITY, f"the density of {use.label} {doubt.words}", help=help, notes=use.written)
 
     def _report_high_layers(self, use: _Use, process: Process) -> None:
         """Report a layer height above the line width.
@@ -348,10 +344,7 @@ class PartInstances:
         If a material specifies both, the error is reported once per material, otherwise once per component.
         """
         of_material = use.material is not None and use.material.process is not None and use.material.process.layers_too_high
-        message = (
-            f"`layer` is {1e3 * (process.layer or 0.0):g} mm, and `line_width` only {1e3 * (process.line_width or 0.0):g} mm: "
-            "a line must be at least as wide as it is high"
-        )
+        message = f"`layer` ({1e3 * (process.layer or 0.0):g} mm) exceeds `line_width` ({1e3 * (process.line_width or 0.0):g} mm)"
         help = "write, for example, `layer: 0.2 mm, line_width: 0.45 mm`"
         _report_process(use, Code.HIGH_LAYERS, message, help, of_material=of_material)
 
@@ -365,7 +358,8 @@ class PartInstances:
         self._reported_slices.add((record.text, slices))
         subject = f"`{use.component.name}` ({use.label}) cannot be sliced"
         help = "fix the part, or set `process: {estimate: skin}` in the component"
-        use.warn(Code.UNSLICED, f"{subject}: it {slices.reason}; its mass is estimated from its surface", help=help, allow=False)
+        notes = [Note(message="the mass is estimated from the surface of the part")]
+        use.warn(Code.UNSLICED, f"{subject}: {slices.reason}", help=help, notes=notes, allow=False)
 
     def _report_missing_settings(self, use: _Use, missing: tuple[str, ...]) -> None:
         """Report the process settings that are missing for the estimate of the mass.
@@ -376,11 +370,11 @@ class PartInstances:
         keys = of_material or missing
         listed = " and ".join(filter(None, (", ".join(f"`{key}`" for key in keys[:-1]), f"`{keys[-1]}`")))
         needed = {"walls", "line_width"} & set(keys)
-        alternative = "`infill: 100 %`" if needed else "`estimate: skin`, which needs only `walls` and `line_width`"
-        name, advice, owner = use.component.name, f"{listed} to the `process` of the material or of the component", "its process"
+        alternative = "`infill: 100 %`" if needed else "`estimate: skin`"
+        name, advice = use.component.name, f"{listed} to the `process` of the material or of the component"
         if of_material and use.material is not None:
-            name, advice, owner = use.material.name, listed, "its `process`"
-        message = f"`{name}` is printed with an infill, but {owner} has no {listed}"
+            name, advice = use.material.name, listed
+        message = f"the print process of `{name}` has no {listed}"
         _report_process(use, Code.INFILL, message, f"add {advice}, or write {alternative}", of_material=bool(of_material))
 
     def _is_physical(self, use: _Use) -> bool:
@@ -393,7 +387,7 @@ class PartInstances:
             return True
         fault = physical_fault(record.matrix.value)
         if fault is not None:
-            help = "`matrix_of_inertia()` returns the inertia relative to the centre of mass, in the axes of the part, in kg m^2"
+            help = "return the inertia relative to the centre of mass in kg m^2 from `matrix_of_inertia()`"
             use.error(Code.NOT_PHYSICAL, f"the inertia of {use.label} is not physical: {fault}", help=help, notes=use.written)
         return fault is None
 
@@ -406,7 +400,7 @@ class PartInstances:
         for name, extra in component.mounts.items():
             if mounts.setdefault(name, extra) is not extra:
                 use.error(
-                    Code.MOUNT_CLASH, f"`{component.name}` already has a mount `{name}`", help="rename the mount that is added here",
+                    Code.MOUNT_CLASH, f"`{component.name}` already has a mount `{name}`", help="rename the new mount",
                     origin=component.full_origin(extra.origin, use.origin), notes=use.written if name in part_mounts else (),
                 )
         return mounts

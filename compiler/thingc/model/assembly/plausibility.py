@@ -37,10 +37,9 @@ def check_mirrored_pairs(assembly: Assembly, findings: LinkReport) -> None:
     for mates in groups.values():
         for first, second in combinations(mates, 2):
             turn = _turn_between(assembly, first, second)
-            part, opposite, parent = (assembly.occurrences[index].path for index in (second.child, first.child, first.parent))
+            part, opposite = (assembly.occurrences[index].path for index in (second.child, first.child))
             if turn and findings.warn(
-                Code.MIRRORED_TURN,
-                f"`{part}` is rotated by {abs(turn)} deg relative to the mirror image of `{opposite}`, on the other side of `{parent}`",
+                Code.MIRRORED_TURN, f"`{part}` is rotated by {abs(turn)} deg relative to the mirror image of `{opposite}`",
                 second.origin, path=part, notes=make_notes(f"`{opposite}` is placed here", first.origin),
                 help=f"add {turn} deg to the `turn` of `{part}`, or use `facing` or `mate_x` for the mounts",
             ):
@@ -165,16 +164,15 @@ def _stated_doubt(occurrence: Occurrence) -> tuple[StatedValue | None, str, str]
         return None
     (low, high), centre, inertia = occurrence.box, occurrence.properties.centre, occurrence.properties.inertia
     size = dist(low, high)
-    across = f"but the part is {length_words(size, 3)} across"
+    across = f"(size of the part: {length_words(size, 3)})"
     distance = hypot(*(maximum(lower - at, at - upper, 0.0) for lower, at, upper in zip(low, centre, high, strict=True)))
     if distance > size:
-        message = f"the centre of mass of `{occurrence.component.name}` is {length_words(distance, 3)} outside its geometry, {across}"
-        help = "check the direction of the axes and the unit, such as `mm` or `m`; `centre()` of a part class returns millimetres"
+        message = f"the centre of mass of `{occurrence.component.name}` is {length_words(distance, 3)} outside its geometry {across}"
+        help = "check the unit, such as `mm` or `m`, and the direction of the axes"
         return occurrence.overrides.com, message, help
     radius = sqrt(maximum(inertia[0][0] + inertia[1][1] + inertia[2][2], 0.0) / (2.0 * mass))
     if not size / COMPACT <= radius <= SPREAD * size:
-        point = f"{mass_words(mass)} at a distance of {length_words(radius, 3)} from its centre"
-        message = f"the inertia of `{occurrence.component.name}` corresponds to {point}, {across}"
+        message = f"the inertia of `{occurrence.component.name}` has a radius of gyration of {length_words(radius, 3)} {across}"
         return occurrence.overrides.inertia, message, "check the unit: 1 kg*m^2 is 1e6 kg*mm^2, or 1e9 g*mm^2"
     return None
 
@@ -193,7 +191,7 @@ def _check_materials(tree: Tree, occurrences: Sequence[Occurrence]) -> None:
             doubt = density_doubt(material.density) if material.density is not None else None
             if doubt is not None and material.density_origin not in weighing:
                 tree.findings.warn(
-                    Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin + instance.origin,
+                    Code.DENSITY, f"the density of `{material.name}` {doubt.words}", material.density_origin + instance.origin,
                     path=instance.within(material.name),
                     notes=make_notes(f"no part of `{definition.name}` uses this material for its mass", definition.origin),
                     help=density_cure(doubt),
@@ -204,8 +202,8 @@ def _check_mass(tree: Tree, mass: float) -> None:
     """Warn of an implausible mass of the whole robot. A robot whose mass is 0 is not checked."""
     if mass > 0.0 and not FEATHER <= mass <= ELEPHANT:
         tree.findings.warn(
-            Code.ROBOT_MASS, f"`{tree.model.name}` has a total mass of {mass_words(mass)}", tree.model.origin, path="name",
-            help="check units of densities, masses and files; `thingc info` lists the mass of each part",
+            Code.ROBOT_MASS, f"the total mass of `{tree.model.name}` is implausible ({mass_words(mass)})", tree.model.origin, path="name",
+            help="check the masses of the parts with `thingc info`",
         )
 
 
@@ -222,11 +220,11 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
     wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * pi and not twist.pitch]  # screws may turn many times
     for key in wide:
         text, number, unit = _written_value(joint, key)
-        cause = f"`{number} deg` was meant" if unit == "rad" and abs(float(number)) <= 360.0 * TURNS else "the value has a digit too many"
+        cure = f"write `{number} deg`" if unit == "rad" and abs(float(number)) <= 360.0 * TURNS else "remove a digit"
         findings.warn(
             Code.LIMIT_TURNS, f"`limit.{key}` of joint `{joint.name}` is {times_words(abs(ends[key]) / (2.0 * pi))} turns (`{text}`)",
             joint.origin_of(f"limit.{key}", origin), path=path, notes=_joint_note(joint, f"limit.{key}"),
-            help=f"probably {cause}; use `type: continuous` for a joint without limits",
+            help=f"{cure}, or use `type: continuous` for a joint without limits",
         )
     if wide or len(ends) < 2 or not all(ends.values()):
         return
@@ -236,9 +234,9 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
         key, value = ("upper", upper) if high_unit == "rad" else ("lower", lower)
         findings.warn(
             Code.LIMIT_UNITS,
-            f"joint `{joint.name}` has a lower limit in {low_unit} (`{lower}`) and an upper limit in {high_unit} (`{upper}`)",
+            f"the limits of joint `{joint.name}` have different units (`{lower}` and `{upper}`)",
             joint.origin_of(f"limit.{key}", origin), path=path, notes=_joint_note(joint, f"limit.{key}"),
-            help=f"use the same unit for both limits: `{value}` equals `{twist.format(ends[key])}`",
+            help=f"write `{twist.format(ends[key])}` instead of `{value}`",
         )
 
 
@@ -268,19 +266,16 @@ def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findi
     friction, damping = edge.dynamics.friction or 0.0, edge.dynamics.damping or 0.0
     if friction >= DRAG * effort:
         key = "dynamics.friction"
-        comparison = "more than" if friction > effort else f"{100.0 * friction / effort:.0f} % of"
-        finding = f"dry friction of {friction:.4g} {force}, {comparison} the effort of its drive ({effort:.4g} {force})"
+        comparison = "exceeds" if friction > effort else f"is {100.0 * friction / effort:.0f} % of"
+        finding = f"the dry friction of joint `{joint.name}` ({friction:.4g} {force}) {comparison} its drive effort ({effort:.4g} {force})"
     elif fastest and damping and (effort - friction) / damping < SLOW * fastest:
         key = "dynamics.damping"
         slowest = (effort - friction) / damping
-        finding = (
-            f"so much damping that its drive ({effort:.4g} {force}) reaches at most {slowest:.3g} {speed}, "
-            f"{100.0 * slowest / fastest:.2g} % of its no-load speed ({fastest:.3g} {speed})"
-        )
+        finding = f"the damping of joint `{joint.name}` limits its speed to {slowest:.3g} {speed} (no-load speed: {fastest:.3g} {speed})"
     else:
         return
     findings.warn(
-        Code.STUCK, f"joint `{joint.name}` has {finding}", joint.origin_of(key, joint.origin + instance.origin), path=edge.path,
+        Code.STUCK, finding, joint.origin_of(key, joint.origin + instance.origin), path=edge.path,
         notes=_joint_note(joint, key), help=f"check the unit (`m{force}`, `{force}`)",
     )
 
@@ -305,9 +300,9 @@ def _check_actuators(tree: Tree, occurrences: Sequence[Occurrence], mates: Seque
                 user, first_drive = driving.setdefault(named.index, (path, drive))
                 if user.rpartition("/")[0] != instance.path and (drive.gear or first_drive.gear):  # in one document, it is reported earlier
                     tree.findings.error(
-                        Code.TRANSMISSION, f"actuator `{named.path}` is used twice: it drives `{user}` and `{path}`",
+                        Code.TRANSMISSION, f"actuator `{named.path}` drives both `{user}` and `{path}`",
                         drive.origin + instance.origin, path=path, help="remove the actuator from one of the two drives",
-                        notes=make_notes(f"`{user}` also uses it", first_drive.origin),
+                        notes=make_notes(f"`{user}` is driven here", first_drive.origin),
                     )
             else:
                 inline.add(path)
@@ -319,15 +314,15 @@ def _check_actuators(tree: Tree, occurrences: Sequence[Occurrence], mates: Seque
         if any(edge.path in inline for edge in turning):
             continue
         undriven = [edge for edge in turning if edge.actuator is None]
-        help = f"add `drive: {name}` to the joint that `{name}` moves"
+        help = f"add `drive: {name}` to the joint that the actuator moves"
         if undriven:
-            help = f"if `{name}` moves joint `{undriven[0].path}`, add `drive: {name}` to the joint"
+            help = f"add `drive: {name}` to joint `{undriven[0].path}`"
         notes: tuple[Note, ...] = ()
         for edge in (undriven or turning)[:1]:
             drive_text = "no" if undriven else "another"
             notes = make_notes(f"joint `{edge.path}` is attached to this part and has {drive_text} drive", edge.origin)
         tree.findings.warn(
-            Code.IDLE_ACTUATOR, f"`{name}` (`{part.definition.label}`) has an actuator, but does not drive a joint", part.origin,
+            Code.IDLE_ACTUATOR, f"the actuator of `{name}` (`{part.definition.label}`) does not drive a joint", part.origin,
             path=part.path, help=help, notes=notes,
         )
 
@@ -346,7 +341,7 @@ def _check_mounts(tree: Tree, mates: Sequence[Mate]) -> None:
                 continue
             alternative = ".".join((*reference.path, name))
             tree.findings.warn(
-                Code.OTHER_MOUNT, f"the mount `{name}` of `{definition.name}` is `{reference.text}`, although `{alternative}` also exists",
+                Code.OTHER_MOUNT, f"the exported mount `{name}` of `{definition.name}` is `{reference.text}`, not `{alternative}`",
                 reference.origin + instance.origin, path=instance.within(name), help=f"write `{name}: {alternative}`, or rename the mount",
             )
 
@@ -376,8 +371,8 @@ def _check_offsets(tree: Tree, largest: Occurrence, size: float) -> None:
             times = abs(offset.length) / size
             if times > FAR:
                 tree.findings.warn(
-                    Code.FAR, f"{offset.text} {length_words(offset.length)}, {times_words(times)} times the size of the largest part "
-                    f"(`{largest.path}`, {length_words(size, 3)} across)", offset.origin + instance.origin,
+                    Code.FAR, f"{offset.text} ({length_words(offset.length)}) is {times_words(times)} times the size of the largest part "
+                    f"(`{largest.path}`)", offset.origin + instance.origin,
                     path=instance.within(offset.path), notes=offset.notes, help=f"check the {offset.advice}",
                 )
 
@@ -388,9 +383,9 @@ def _offsets(definition: AssemblyDefinition, bound: float) -> Iterator[_Offset]:
         name, placement = component.name, component.placement
         if placement is not None:
             length = _length(placement.pose) if isinstance(placement, At) else abs(placement.gap)
-            yield _Offset(text=f"`{name}` is moved by", length=length, path=name, origin=placement.origin)
+            yield _Offset(text=f"the offset of `{name}`", length=length, path=name, origin=placement.origin)
         for mount, extra in component.mounts.items():
-            yield _Offset(text=f"the mount `{name}.{mount}` is moved by", length=_length(extra.pose), path=name, origin=extra.origin)
+            yield _Offset(text=f"the offset of mount `{name}.{mount}`", length=_length(extra.pose), path=name, origin=extra.origin)
     for joint in definition.joints:
         yield from _travels(joint, bound)
 
@@ -402,18 +397,18 @@ def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
     """
     per_unit, turns = (hypot(*joint.twist.linear), joint.twist.turns) if joint.twist is not None else (0.0, False)
     moved = maximum(abs(joint.gap), abs(joint.offset) * per_unit)
-    yield _Offset(text=f"joint `{joint.name}` is moved by", length=moved, path=joint.name, origin=joint.origin)
+    yield _Offset(text=f"the offset of joint `{joint.name}`", length=moved, path=joint.name, origin=joint.origin)
     lead = tau * per_unit if turns else 0.0
     ends = {"lead": lead} if lead > bound else {
         key: value * per_unit for key, value in (("limit.lower", joint.limit.lower), ("limit.upper", joint.limit.upper))
         if value is not None
     }
     for key, length in ends.items():
-        verb, advice = "is", "unit (`mm`, `m`)"
+        prefix, advice = "", "unit (`mm`, `m`)"
         if turns and key != "lead":
-            verb, advice = "corresponds to a travel of", f"unit (`deg`, `rev`): the lead is {length_words(lead)}"
+            prefix, advice = "the travel at ", f"unit (`deg`, `rev`) and the lead ({length_words(lead)})"
         yield _Offset(
-            text=f"`{key}` of joint `{joint.name}` {verb}", length=length, path=joint.name, origin=joint.origin_of(key, joint.origin),
+            text=f"{prefix}`{key}` of joint `{joint.name}`", length=length, path=joint.name, origin=joint.origin_of(key, joint.origin),
             notes=_joint_note(joint, key), advice=advice,
         )
 
@@ -427,9 +422,8 @@ def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: LinkReport
         offset = _length(mode.at)
         if offset > FAR * reach:
             findings.warn(
-                Code.FAR, f"mode `{mode.name}` places its root {length_words(offset)} from the origin of the world, "
-                f"{times_words(offset / reach)} times the robot's reach ({length_words(reach, 3)})", mode.origin,
-                path=mode.name, help="check the unit (`mm`, `m`)",
+                Code.FAR, f"the root of mode `{mode.name}` is {length_words(offset)} from the world origin (size of the robot: "
+                f"{length_words(reach, 3)})", mode.origin, path=mode.name, help="check the unit (`mm`, `m`)",
             )
 
 
@@ -449,8 +443,8 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
             others = total - mass
             if mass > BURDEN * others > 0.0:
                 findings.warn(
-                    Code.BARE_MASS, f"`{occurrence.component.name}` weighs {mass_words(mass)}, {times_words(mass / others)} times the rest "
-                    f"of the robot ({mass_words(others)})", occurrence.component.full_origin(stated.origin, occurrence.origin),
+                    Code.BARE_MASS, f"the mass of `{occurrence.component.name}` ({mass_words(mass)}) is {times_words(mass / others)} "
+                    "times the mass of the other parts", occurrence.component.full_origin(stated.origin, occurrence.origin),
                     path=occurrence.path, help="check the unit (`g`, `kg`)",
                 )
             elif boxes and not findings.has_reported(Code.FAR):
@@ -469,9 +463,8 @@ def _check_place(occurrence: Occurrence, centre: Vector, boxes: Sequence[tuple[t
         placement = occurrence.component.placement
         place = occurrence.component.full_origin(placement.origin, occurrence.origin) if isinstance(placement, At) else occurrence.origin
         findings.warn(
-            Code.BARE_MASS, f"the mass of `{occurrence.component.name}` is {length_words(distance, 3)} away from the parts of its link, "
-            f"which are {length_words(size, 3)} across", place, path=occurrence.path,
-            help="check the unit (`mm`, `m`)",
+            Code.BARE_MASS, f"the mass of `{occurrence.component.name}` is {length_words(distance, 3)} outside its link (size of the link: "
+            f"{length_words(size, 3)})", place, path=occurrence.path, help="check the unit (`mm`, `m`)",
         )
 
 

@@ -31,8 +31,7 @@ def check_nested_simulation(tree: Tree) -> None:
             settings = ", ".join(f"{key}: {value}" for key, value in unused.items())
             tree.findings.warn(
                 Code.NESTED_SIMULATION,
-                f"`simulation: {{{settings}}}` of the nested document `{definition.name}` has no effect, "
-                f"because `{top.name}` does not repeat it",
+                f"`simulation: {{{settings}}}` of the nested document `{definition.name}` has no effect",
                 (definition.step_origin or definition.origin) + instance.origin, path=instance.path,
                 help=f"add `simulation: {{{settings}}}` to the document of `{top.name}`",
             )
@@ -61,8 +60,8 @@ def _check_steps(top: AssemblyDefinition, findings: LinkReport) -> None:
         step = owner.simulation.get("timestep")
         if isinstance(step, float) and step >= LONG_STEP:
             findings.warn(
-                Code.LONG_STEP, f"a time step of {1e3 * step:g} ms is too long for contacts: parts sink into each other, or bounce",
-                owner.step_origin, path=path, help="use a time step of 1 to 5 ms; the default of MuJoCo is 2 ms",
+                Code.LONG_STEP, f"a time step of {1e3 * step:g} ms is too long for contacts",
+                owner.step_origin, path=path, help="use a time step of 1 to 5 ms",
             )
 
 
@@ -75,9 +74,8 @@ def _check_gravity(modes: Sequence[Mode], findings: LinkReport) -> None:
         x, y, z = mode.gravity
         if mode.gravity_origin and x == y == 0.0 < z:
             findings.warn(
-                Code.GRAVITY_UP, f"gravity points up ({z:.6g} m/s^2): loose objects fall away from the floor", mode.gravity_origin,
-                path=mode.name, help="write `gravity: floor` for -9.81 m/s^2 along z, and `gravity: ceiling` for a robot that hangs "
-                "from a ceiling",
+                Code.GRAVITY_UP, f"gravity points up ({z:.6g} m/s^2)", mode.gravity_origin,
+                path=mode.name, help="write `gravity: floor`, or `gravity: ceiling` for a robot that hangs from a ceiling",
             )
 
 
@@ -94,8 +92,8 @@ def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: f
             times = f"{times_words(ratio)} times" if ratio > 1.0 else f"{ratio:.2g} times"
             reported.add((reference.text, force))
             findings.warn(
-                Code.MAGNET, f"the magnet `{reference.text}` pulls with {Quantity(force, FORCE)}, {times} the weight of the robot "
-                f"({Quantity(float(f'{weight:.3g}'), FORCE)})", reference.origin, path=mode.name,
+                Code.MAGNET, f"the adhesion of `{reference.text}` ({Quantity(force, FORCE)}) is {times} the weight of the robot",
+                reference.origin, path=mode.name,
                 notes=make_notes(f"mode `{mode.name}` is defined here", mode.origin),
                 help="check the unit (`mN`, `N`, `kN`)",
             )
@@ -113,11 +111,11 @@ def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: C
             continue
         shown, other = (path.replace("/", ".") for path in (off, on[0]))
         findings.warn(
-            Code.HELD_OFF, f"mode `{mode.name}` is held at `{shown}`, whose magnet is off, while the magnet of `{other}` is on",
+            Code.HELD_OFF, f"mode `{mode.name}` is held at `{shown}`, whose magnet is off",
             mode.origin, path=mode.name, notes=make_notes(
                 f"the magnet of `{other}` is switched on here", written[mode.name].get(other, ()),
             ),
-            help=f"write `root: {other}`, or switch on the magnet at `{shown}` too",
+            help=f"write `root: {other}`, or switch on the magnet at `{shown}`",
         )
 
 
@@ -130,7 +128,7 @@ def _check_alike(modes: Sequence[LinkedMode], findings: LinkReport) -> None:
             findings.warn(
                 Code.ALIKE, f"mode `{mode.name}` is identical to mode `{first.name}`", mode.origin, path=mode.name,
                 notes=make_notes(f"mode `{first.name}` is defined here", first.origin),
-                help="change or remove one of the two modes, and check the key `extends`",
+                help="change or remove one of the two modes",
             )
 
 

@@ -73,31 +73,26 @@ def _warn(doubt: _Doubt, process: Process, outer: Sequence[Span], path: str, not
 def _doubts(process: Process, keys: Collection[str]) -> Iterator[_Doubt]:
     """Yield the implausible values of a manufacturing process. Only the settings in `keys` are checked."""
     lines = process.kind in (None, "fdm")
-    for key, value, (least, most), usual, words in (
-        ("line_width", process.line_width, WIDTHS, USUAL_WIDTHS, "lines are usually {} to {} wide") if lines else
-        ("line_width", process.line_width, SKINS, USUAL_SKINS, "walls are usually {} to {} thick"),
-        ("layer", process.layer, HEIGHTS, USUAL_HEIGHTS, "layers are usually {} to {} high"),
+    for key, value, (least, most), usual in (
+        ("line_width", process.line_width, *((WIDTHS, USUAL_WIDTHS) if lines else (SKINS, USUAL_SKINS))),
+        ("layer", process.layer, HEIGHTS, USUAL_HEIGHTS),
     ):
         if key in keys and value is not None and not least <= value <= most:
             intended = next((value * slip for slip in _SLIPS if usual[0] <= value * slip <= usual[1]), None)
             yield _Doubt(
-                key=key, words=f"`{key}` is {length_words(value)}: {words.format(length_words(least), length_words(most))}",
-                help="check the unit (`mm`, `um`)" if intended is None else f"probably `{length_words(intended)}` was meant",
+                key=key, words=f"`{key}` ({length_words(value)}) is not in the usual range ({length_words(least)} to {length_words(most)})",
+                help="check the unit (`mm`, `um`)" if intended is None else f"did you mean `{length_words(intended)}`?",
             )
-    for key, count, most, unit, size, some in (
-        ("walls", process.walls, WALLS, "lines side by side", process.line_width, "2 to 6"),
-        ("top", process.top, LIDS, "layers", process.layer, "3 to 8"),
-        ("bottom", process.bottom, LIDS, "layers", process.layer, "3 to 8"),
+    for key, count, most, some in (
+        ("walls", process.walls, WALLS, "2 to 6 lines"), ("top", process.top, LIDS, "3 to 8 layers"),
+        ("bottom", process.bottom, LIDS, "3 to 8 layers"),
     ):
         if key in keys and count is not None and count > most:
-            thick = "" if size is None else f", together {length_words(count * size)}"
-            yield _Doubt(
-                key=key, words=f"`{key}` is {count} {unit}{thick}",
-                help=f"the number of {unit} is usually {some}; for a solid part, use `infill: 100 %`",
-            )
+            help = f"use {some}, or `infill: 100 %` for a solid part"
+            yield _Doubt(key=key, words=f"`{key}` ({count}) exceeds the plausible maximum ({most})", help=help)
     for key, share in (("infill", process.infill), ("overlap", process.overlap)):
         if key in keys and share is not None and 0.0 < share < LEAST_SHARE:
             yield _Doubt(
-                key=key, words=f"`{key}` is {100.0 * share:.6g} %, less than 1 %",
-                help=f"probably `{key}: {10_000.0 * share:.6g} %` was meant",
+                key=key, words=f"`{key}` ({100.0 * share:.6g} %) is below 1 %",
+                help=f"did you mean `{key}: {10_000.0 * share:.6g} %`?",
             )

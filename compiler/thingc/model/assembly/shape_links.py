@@ -150,7 +150,7 @@ def _matter(shape: LinkShape, meshes: Meshes) -> MassProperties:
     if record is None:
         raise MissingDensity("")
     if record.matter is None:
-        raise MissingDensity(f"gets its mass from its shapes, but the surface of `{shape.solid.path}` is not closed and has no volume")
+        raise MissingDensity(f"has the open mesh `{shape.solid.path}`, which has no volume")
     return record.matter.seen_from(shape.pose)
 
 
@@ -165,7 +165,7 @@ def _weight_of(definition: LinkDefinition, material: Material | None, meshes: Me
     weights = [(density, _matter(shape, meshes)) for shape, density in dense]
     others = [shape for shape in solid_shapes(definition) if shape not in [weighted for weighted, _ in dense]]
     if weights and any(_matter(shape, meshes).mass > 0.0 for shape in others):
-        raise MissingDensity("gets its mass from the densities of its shapes, but some shapes have no density")
+        raise MissingDensity("has both shapes with and without a density")
     return total(matter.with_mass(density * matter.mass) for density, matter in weights)
 
 
@@ -229,7 +229,6 @@ def warn_far(shapes: LinkDefinition, record: PartRecord | None, meshes: Meshes, 
         if distance > size:
             far, diagonal = (Quantity(float(f"{length:.3g}"), LENGTH) for length in (distance, size))
             findings.warn(
-                Code.SHAPE_FAR, f"the collision shape `{shape.word}` extends {far} beyond the bounding box of `{path}`, whose diagonal is "
-                f"{diagonal}", shape.origin, path=path,
-                help="check the units of the shape, and its pose `at`, which is relative to the frame of the part",
+                Code.SHAPE_FAR, f"the collision shape `{shape.word}` extends {far} beyond the bounding box of `{path}` (diagonal: "
+                f"{diagonal})", shape.origin, path=path, help="check the units and the pose `at` of the shape",
             )

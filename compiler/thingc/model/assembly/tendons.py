@@ -76,7 +76,7 @@ def _is_side_on_link(step: TendonStep, link_of: Sequence[int], findings: LinkRep
     if step.mount is None or step.side is None or link_of[step.mount.occurrence] == link_of[step.side.occurrence]:
         return True
     findings.error(
-        Code.TENDON_PATH, f"`{step.side.path}` is not on the link of `{step.mount.path}`, around which the tendon wraps", step.origin,
+        Code.TENDON_PATH, f"the `side` mount `{step.side.path}` is not on the link of the shape at `{step.mount.path}`", step.origin,
         help="set `side` to a mount on the link of the shape", path=step.side.path,
     )
     return False
@@ -99,8 +99,8 @@ def set_rest_length(
             x, y, z = at[step.mount.path].inverse().apply(at[step.side.path].translation)
             if x * x + y * y + (z * z if step.shape == "sphere" else 0.0) <= step.radius**2:
                 findings.error(
-                    Code.TENDON_PATH, f"`{step.side.path}` is inside the {step.shape} around which the tendon wraps", step.origin,
-                    help="set `side` to a mount outside the shape, on the side on which the tendon passes the shape", path=step.side.path,
+                    Code.TENDON_PATH, f"the `side` mount `{step.side.path}` is inside the {step.shape} of the tendon", step.origin,
+                    help="set `side` to a mount outside the shape", path=step.side.path,
                 )
                 return tendon
     if tendon.dynamics.stiffness is None or tendon.dynamics.rest is not None:

@@ -160,7 +160,7 @@ def _check_names(scope: Scope, spec: AssemblySpec) -> None:
     for name in spec.parameters:
         if name in CONSTANTS or name in FUNCTIONS:
             scope.error(
-                Code.RESERVED_NAME, f"`{name}` is reserved in expressions and cannot be the name of a parameter", ("parameters", name),
+                Code.RESERVED_NAME, f"a parameter cannot have the reserved name `{name}`", ("parameters", name),
                 key=True, help="choose another name",
             )
     sections: tuple[tuple[str, Mapping[str, object], str, bool], ...] = (

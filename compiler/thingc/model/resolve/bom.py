@@ -38,10 +38,10 @@ def catalog(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str, 
         alike = rows.setdefault(row.number, [])
         differ = [key for key in ("supplier", "link", "picture") if alike and getattr(row, key) not in (None, getattr(alike[0], key))]
         if any(row.quantity == one.quantity for one in alike) or differ:
-            key, other = (differ[0], f"another `{differ[0]}`") if differ else ("quantity", f"the quantity {row.quantity}, too")
+            key, other = (differ[0], f"another `{differ[0]}`") if differ else ("quantity", f"the same quantity {row.quantity}")
             context.report.add(
                 Code.NAME_CLASH, f"another row of `{row.number}` has {other}", document.span(("rows", index, key)),
-                help=f"set `{key}` only in the first of the rows" if differ else "remove one of the rows, or set another quantity",
+                help=f"set `{key}` only in the first row" if differ else "remove one of the rows, or set another quantity",
             )
         alike.append(row)
     return {number: BomEntry(

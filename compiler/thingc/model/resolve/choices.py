@@ -14,7 +14,7 @@ from thingc.base.source import ScalarNode, node_at
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import shorten
 from thingc.documents.load.paths import SUFFIXES_WITH_UNIT, resolve_path
-from thingc.documents.spec.assembly import FILE_SPECIFIES_UNIT, AssemblySpec, ComponentDefaults, ComponentSpec, DefaultsSpec
+from thingc.documents.spec.assembly import AssemblySpec, ComponentDefaults, ComponentSpec, DefaultsSpec
 from thingc.documents.spec.settable_values import DEFAULT_MATERIAL, EXAMPLES, KEYS, VALUES, ChoicePath, is_value, parse, split_nested
 from thingc.geometry.record import PartFailure
 from thingc.model.resolve.bom import path_in_workspace
@@ -126,29 +126,29 @@ def apply_choices(context: ResolveRun, table: DocumentScope, item: Unrolled[Comp
         if key == "material":
             if kind == "assembly":
                 context.report_option_error(
-                    path, f"`{label}` is an assembly, which has no material",
+                    path, f"the assembly `{label}` has no material",
                     f"set `components.{label}.{DEFAULT_MATERIAL}`, or the material of one of its components",
                 )
                 continue
             if not _known_material(context, table, text, path):
                 continue
         elif key != kind:
-            fault, help = f"is defined by `{kind}`, not by `{key}`", f"set `components.{label}.{kind}`"
+            fault, help = f"is defined by `{kind}`, not `{key}`", f"set `components.{label}.{kind}`"
             if kind == "frame":
-                fault, help = "is a frame, without geometry", "use a component with geometry"
+                fault, help = "is a frame without geometry", "use a component with geometry"
             elif kind == "link":
                 fault, help = "is a link with inline shapes", "set the material of the link, or use another component"
             context.report_option_error(path, f"component `{label}` {fault}", help)
             continue
         if key == "file" and spec.unit is not None and text.lower().endswith(SUFFIXES_WITH_UNIT):
-            message = f"`{shorten(text)}` specifies its own unit, but component `{label}` has `unit: {spec.unit}`"
-            context.report_option_error(path, message, FILE_SPECIFIES_UNIT)
+            message = f"`unit: {spec.unit}` of component `{label}` cannot be used with `{shorten(text)}`, which specifies a unit"
+            context.report_option_error(path, message, "remove `unit` from the component")
             continue
         chosen[key] = text
     inside = below(table.choices, *names)
     if inside and kind != "assembly":
         path = f"components.{label}.{inside[0][0]}"
-        context.report_option_error(path, f"component `{label}` is not an assembly and has no components", None)
+        context.report_option_error(path, f"component `{label}` is not an assembly", None)
     return (spec.model_copy(update=chosen) if chosen else spec), frozenset(chosen)
 
 

@@ -59,8 +59,8 @@ def nodes(context: ResolveRun, table: DocumentScope, items: Sequence[Unrolled[Co
             if not context.overfull:  # report once, because enclosing documents exceed the limit as well
                 context.overfull = True
                 node.scope.error(
-                    Code.TOO_MANY, f"with `{node.name}`, this assembly has {table.occurrences + added} components, including copies; "
-                    f"at most {MAX_OCCURRENCES} are allowed", node.path, key=True,
+                    Code.TOO_MANY, f"the assembly has {table.occurrences + added} components (at most {MAX_OCCURRENCES} are allowed)",
+                    node.path, key=True,
                 )
             node.definition, node.table, node.unsound = None, None, True
             continue
@@ -112,10 +112,8 @@ def _image(node: ComponentScope, table: DocumentScope, definition: AssemblyDefin
         name, its = other
         inner = dict(table.all_nodes())[name]
         node.scope.error(
-            Code.MIRROR_AXES, f"`{node.name}` is mirrored along {axis}, but `{name}` in it is already mirrored along {its}",
-            (*node.path, "mirror"),
-            help=f"write `mirror: {its}` here, or `mirror: {axis}` in the nested document; "
-            "for components that are placed by mounts, both axes give the same result",
+            Code.MIRROR_AXES, f"the mirror axes of `{node.name}` ({axis}) and its component `{name}` ({its}) are different",
+            (*node.path, "mirror"), help=f"write `mirror: {its}` for `{node.name}`, or `mirror: {axis}` in the nested document",
             notes=[Note(message=f"`{inner.name}` is mirrored here", span=inner.scope.span((*inner.path, "mirror")))],
         )
         return None
@@ -142,7 +140,7 @@ def _resolve_nested(context: ResolveRun, table: DocumentScope, node: ComponentSc
     if not isinstance(spec, AssemblySpec) or scope.doubts.touch((*node.path, "parameters")):
         return None
     if len(context.nesting) >= MAX_NESTING:
-        scope.error(Code.TOO_MANY, f"assemblies are nested more than {MAX_NESTING} deep", path)
+        scope.error(Code.TOO_MANY, f"more than {MAX_NESTING} levels of nested assemblies", path)
         return None
     values = _given_values(context, node, relative, spec)
     context.nesting.append(relative)

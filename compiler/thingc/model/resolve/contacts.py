@@ -31,7 +31,7 @@ def excluded_pairs(table: DocumentScope, scope: Scope, contacts: DefaultLayers) 
         sides = [components_fitting(table, scope, text, (*at, side), scope.origin(at)) for side, text in enumerate(entry)]
         if len(pairs) + len(sides[0]) * len(sides[1]) > MAX_EXCLUDED:
             scope.error(
-                Code.TOO_MANY, f"with this entry, more than {MAX_EXCLUDED} pairs are excluded from contact", at,
+                Code.TOO_MANY, f"more than {MAX_EXCLUDED} pairs are excluded from contact", at,
                 help="use patterns that match fewer components",
             )
             break
@@ -79,7 +79,7 @@ def pairs(
                 yield pair
             else:
                 scope.error(
-                    Code.CONTACTS, f"the contacts of `{pair.one.text}` and `{pair.other.text}` are excluded, and listed under `pairs`",
+                    Code.CONTACTS, f"`{pair.one.text}` and `{pair.other.text}` are in both `pairs` and `exclude`",
                     (*at, "between"), help="remove the pair from `pairs` or from `exclude`",
                     notes=make_notes("the pair is excluded here", excluded_here),
                 )
@@ -91,7 +91,7 @@ def _pairs_of(table: DocumentScope, scope: Scope, spec: PairSpec, path: Path) ->
     margin, gap = (scope.number(getattr(spec, key), (*path, key), LENGTH, f"`{key}`", least=0.0) for key in ("margin", "gap"))
     if gap is not None and gap > (margin or 0.0) and (margin is None) is (spec.margin is None):
         scope.error(
-            Code.CONTACTS, "`gap` is larger than `margin`, so the contact transmits no force", (*path, "gap"),
+            Code.CONTACTS, "`gap` is larger than `margin`", (*path, "gap"),
             help="write a `gap` that is not larger than the `margin`",
         )
     if sides[0] == sides[1] and len(sides[0]) == 1:
@@ -111,7 +111,7 @@ def groups(table: DocumentScope, scope: Scope, contacts: DefaultLayers) -> Itera
     for name, spec in (specs or {}).items():
         at = (*path, name)
         if name == OTHERS:
-            message = f"`{OTHERS}` is reserved for all components that are not in another group"
+            message = f"a contact group cannot have the reserved name `{OTHERS}`"
             scope.error(Code.RESERVED_NAME, message, at, key=True, help="rename the group")
         for index, other in enumerate(spec.collide):
             if other not in (*specs, OTHERS):

@@ -138,9 +138,7 @@ def _coordinates(
         _refuse(item, "reverse", f"is {kind.words} and cannot have `reverse`", "remove `reverse`", typed=False)
     if item.spec.keep and (kind.moves or item.spec.loop):
         reason = f"is {kind.words}" if kind.moves else "closes a loop"
-        _refuse(
-            item, "keep", f"{reason} and cannot have `keep`: the joint always connects two separate links", "remove `keep`", typed=False,
-        )
+        _refuse(item, "keep", f"{reason} and cannot have `keep`", "remove `keep`", typed=False)
     if kind.free:
         return _free(table, item, kind, (parent, child), layers)
     if kind.at_once:
@@ -152,10 +150,10 @@ def _coordinates(
         if setting is None or key not in item.spec.model_fields_set or (is_list == (count > 1) and all(n < count for n in indices)):
             continue
         if count > 1:
-            text = f"is {kind.words} and has {count} coordinates: `{key}` must be a list of {count} items"
+            text = f"is {kind.words} and requires a list of {count} items for `{key}`"
             help = "write, for example, `[" + ", ".join("..." for _ in range(count)) + "]`, or `{0: ...}` to set only some coordinates"
         else:
-            text, help = f"is {kind.words}: `{key}` must not be a list", "write the value without a list"
+            text, help = f"is {kind.words} and cannot have a list for `{key}`", "write the value without a list"
         _refuse(item, key, text, help, code=Code.COORDINATES)
     numbered_twists: Sequence[tuple[int | None, Twist | None]] = [*enumerate(twists)] if count > 1 else [(None, next(iter(twists), None))]
     resolved = (_resolve_joint(table, item, kind, twist, (parent, child), layers, number) for number, twist in numbered_twists)
@@ -168,7 +166,7 @@ def _free(
     """Resolve the coordinates of a free joint, which has no limits, dynamics and drives."""
     for key in ("limit", "dynamics", "drive", "offset", "loop"):
         if getattr(item.spec, key):
-            _refuse(item, key, f"is free and cannot have `{key}`", f"remove `{key}`: a free joint does not constrain its child")
+            _refuse(item, key, f"is free and cannot have `{key}`", f"remove `{key}`")
     joint = _resolve_joint(table, item, kind, None, mounts, layers, None)
     return tuple(replace(joint, name=CoordinateName(item.name).with_number(k), twist=twist) for k, twist in enumerate(kind.twists))
 
@@ -184,15 +182,15 @@ def _ball(
     scope, spec, name = item.scope, item.spec, item.name
     for key in ("limit", "dynamics"):
         if isinstance(getattr(spec, key), (list, dict)):
-            text = f"is a ball: `{key}` must be a single value for all axes, not a list"
+            text = f"is a ball and cannot have a list for `{key}`"
             _refuse(item, key, text, "write the value without a list", code=Code.COORDINATES, typed=False)
     if spec.offset is not None:
         _refuse(item, "offset", "is a ball and cannot have an `offset`", "rotate a mount of the joint, or use `turn`", typed=False)
     joint = _resolve_joint(table, item, kind, None, mounts, layers, None)
     passive = replace(dynamics(scope, f"joint `{name}`", ANGLE, layers.sub("dynamics")), rest=None)
     if (rest := layers.sub("dynamics").pick("rest")).own:
-        help = "rotate a mount of the joint instead: the spring rests at q = 0"
-        _refuse(item, rest.path, "is a ball: its `dynamics` cannot have a `rest`", help, typed=False)
+        help = "rotate a mount of the joint instead"
+        _refuse(item, rest.path, "is a ball and cannot have `dynamics.rest`", help, typed=False)
     limit, drives = _cone(item, layers.sub("limit")), _drives_of_ball(table, item)
     return tuple(
         replace(joint, name=CoordinateName(name).with_number(k), twist=twist, limit=limit, dynamics=passive, drive=drives.get(k))
@@ -207,28 +205,23 @@ def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int
         return {}
     if not isinstance(specs, list) or len(specs) > 3:
         scope.error(
-            Code.DRIVE, f"joint `{name}` is a ball: its `drive` must be a list of one to three drives, each with its own axis", path,
-            key=True, help="write, for example, `[{axis: [1, 0, 0], kind: motor, effort: 2 N*m}]`",
+            Code.DRIVE, f"joint `{name}` is a ball and requires a list of one to three drives", path, key=True,
+            help="write, for example, `[{axis: [1, 0, 0], kind: motor, effort: 2 N*m}]`",
         )
         return {}
     drives: dict[int, Drive] = {}
     for number, spec in enumerate(specs):
         if not isinstance(spec, DriveSpec) or spec.axis is None:
             scope.error(
-                Code.DRIVE, f"drive {number} of ball joint `{name}` needs an `axis`" if isinstance(spec, DriveSpec)
-                else f"drive {number} of ball joint `{name}` is a component, which has no `axis`: it must be written inline",
-                (*path, number),
-                help=(
-                    "write, for example, `{axis: [1, 0, 0], kind: motor, effort: 2 N*m}`; the axis is in the frame of the parent mount "
-                    "at q = 0"
-                ),
+                Code.DRIVE, f"drive {number} of ball joint `{name}` requires an `axis`", (*path, number),
+                help="write, for example, `{axis: [1, 0, 0], kind: motor, effort: 2 N*m}`",
             )
             continue
         axis_path = (*path, number, "axis")
         drive = drive_of(table, scope, f"joint `{name}[{number}]`", ANGLE, LayeredValue(spec, axis_path[:-1]))
         if spec.armature is not None:
             scope.error(
-                Code.DRIVE, f"drive {number} of ball joint `{name}` has an `armature`: a ball has one `armature` for all axes",
+                Code.DRIVE, f"drive {number} of ball joint `{name}` cannot have an `armature`",
                 (*axis_path[:-1], "armature"), key=True, help="set `armature` under `dynamics` of the joint",
             )
         axis = scope.direction(spec.axis, axis_path, f"the axis of drive {number} of joint `{name}`", Code.DRIVE)
@@ -253,7 +246,7 @@ def _resolve_joint(
     elif twist is None:
         for key in ("limit", "dynamics", "offset", "drive"):
             if key in spec.model_fields_set and getattr(spec, key) is not None:
-                text = f"is {spec.type} and does not move: it cannot have `{key}`"
+                text = f"is {spec.type} and cannot have `{key}`"
                 code = Code.DRIVE if key == "drive" else Code.JOINT_FIELD
                 _refuse(item, key, text, "remove the key, or choose another `type`", code=code)
     else:
@@ -301,8 +294,8 @@ def _no_axis(scope: Scope, name: str, kind: JointKind, setting: LayeredValue) ->
     """Report an error for a drive with an axis if its joint is not a ball joint."""
     if setting.own and isinstance(setting.value, DriveSpec) and setting.value.axis is not None:
         scope.error(
-            Code.JOINT_FIELD, f"joint `{name}` is {kind.words}: its drive cannot have an `axis`", (*setting.path, "axis"), key=True,
-            help="remove `axis`: the drive acts along the coordinate of the joint",
+            Code.JOINT_FIELD, f"the drive of joint `{name}` cannot have an `axis`", (*setting.path, "axis"), key=True,
+            help="remove `axis`",
         )
 
 
@@ -314,8 +307,7 @@ def _axis(item: Unrolled[JointSpec], kind: JointKind) -> Vector | None:
     if item.spec.axis is None:
         return None
     if not kind.axial:
-        help = "remove `axis`: the joint uses the axes of the parent mount" if kind.moves else "remove `axis`: the joint does not move"
-        _refuse(item, "axis", f"is {kind.words} and cannot have an `axis`", help)
+        _refuse(item, "axis", f"is {kind.words} and cannot have an `axis`", "remove `axis`")
         return None
     axis = item.scope.direction(item.spec.axis, (*item.path, "axis"), f"the axis of joint `{item.name}`", Code.OUT_OF_RANGE)
     return next((unit for unit in IDENTITY if unit == axis), axis)  # `Twist` detects exact vectors
@@ -330,8 +322,8 @@ def _lead(item: Unrolled[JointSpec], kind: JointKind) -> float | None:
     if item.spec.lead is None:
         if kind.leads and not scope.doubts.touch(path):
             scope.error(
-                Code.LEAD, f"joint `{name}` is a {kind.name} and needs a `lead`, the advance per turn", path, key=True,
-                help="write, for example, `lead: 8 mm`; use a negative value for a left-hand thread",
+                Code.LEAD, f"joint `{name}` is a {kind.name} and requires a `lead`", path, key=True,
+                help="write the advance per turn, for example `lead: 8 mm`",
             )
         return None
     if not kind.leads:
@@ -340,7 +332,7 @@ def _lead(item: Unrolled[JointSpec], kind: JointKind) -> float | None:
     lead = scope.number(item.spec.lead, (*path, "lead"), LENGTH, f"`lead` of joint `{name}`")
     if lead == 0.0:
         scope.error(
-            Code.LEAD, f"the `lead` of joint `{name}` is 0: the joint would not advance", (*path, "lead"),
+            Code.LEAD, f"the `lead` of joint `{name}` must not be 0", (*path, "lead"),
             help="write the advance per turn, or use `type: revolute` or `continuous`",
         )
     return lead or None
@@ -352,7 +344,7 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
     low = high = None
     cone = layers.pick("cone")
     if cone.own:
-        help = "use `lower` and `upper`: only a ball joint has a cone"
+        help = "use `lower` and `upper`"
         _refuse(item, cone.path, f"is {kind.words} and cannot have a `limit.cone`", help, code=Code.LIMIT, typed=False)
     if not kind.may_stop:
         unsupported = {f"`limit.{key}`": setting for key, setting in ends.items() if setting.own}
@@ -369,17 +361,15 @@ def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate:
         if missing and kind.limits == "required" and item.spec.mimic is None and not in_doubt:
             help = "write, for example, `limit: {lower: 0, upper: 20 mm}`"
             if coordinate == ANGLE:
-                help = "write, for example, `limit: {lower: -90 deg, upper: 90 deg}`; use `type: continuous` for a joint without limits"
+                help = "write, for example, `limit: {lower: -90 deg, upper: 90 deg}`, or use `type: continuous`"
             place = (*path, "limit") if item.spec.limit is not None else path
-            scope.error(Code.LIMIT, f"joint `{name}` is {kind.words} and needs {' and '.join(missing)}", place, key=True, help=help)
+            scope.error(Code.LIMIT, f"joint `{name}` is {kind.words} and requires {' and '.join(missing)}", place, key=True, help=help)
         if low is not None and high is not None and not low < high:
-            fault = "are reversed" if low > high else "are equal"
             lower, upper = ends.values()
             texts = [scope.format_value(Quantity(q, coordinate), setting.path) for q, setting in ((low, lower), (high, upper))]
             scope.error(
-                Code.LIMIT, f"limits of joint `{name}` {fault}: expected lower < upper, "
-                f"found {(', and ' if any(',' in one for one in texts) else ' and ').join(texts)}",
-                lower.path, help="swap the limits" if low > high else "widen the limits, or use `type: fixed`",
+                Code.LIMIT, f"expected lower < upper in the limits of joint `{name}`, found {' and '.join(texts)}", lower.path,
+                help="swap the limits" if low > high else "widen the limits, or use `type: fixed`",
                 notes=scope.second_note("the upper limit is set here", upper.path, lower.path),
             )
             low = high = None
@@ -391,7 +381,7 @@ def _cone(item: Unrolled[JointSpec], layers: DefaultLayers) -> Limit:
     unsupported = [key for key in ("lower", "upper", "effort", "velocity") if layers.pick(key).own]
     if unsupported:
         text, path = f"is a ball and cannot have `limit.{unsupported[0]}`", layers.pick(unsupported[0]).path
-        help = "limit the angle of the joint with `cone`, and limit effort and velocity in the drives of the joint"
+        help = "set `limit.cone` for the angle, and limits of effort and velocity in the drives"
         _refuse(item, path, text, help, code=Code.LIMIT, typed=False)
     return Limit(cone=item.scope.number(*layers.pick("cone"), ANGLE, f"`limit.cone` of joint `{item.name}`", above=0.0))
 
@@ -403,7 +393,7 @@ def dynamics(scope: Scope, owner: str, coordinate: Dimension, layers: DefaultLay
     rest = _setting(scope, layers, "rest", coordinate)
     if rest.own and not layers.pick("stiffness") and not scope.doubts.touch(rest.path[:-1]):
         scope.error(
-            Code.JOINT_FIELD, f"{owner} has a `dynamics.rest` but no `stiffness`: `rest` is the rest position of a spring",
+            Code.JOINT_FIELD, f"`dynamics.rest` of {owner} requires `stiffness`",
             rest.path, key=True, help="add `stiffness`, or remove `rest`",
         )
     return Dynamics(
@@ -438,7 +428,7 @@ def drive_of(table: DocumentScope, scope: Scope, owner: str, coordinate: Dimensi
         kind = spec if spec in DRIVE_KINDS else "position"
         gain = f", kp: {'20 N*m/rad' if coordinate == ANGLE else '200 N/m'}" if kind == "position" else ""
         scope.error(
-            Code.DRIVE, f"`{key}` must be a component with an actuator or a mapping; `{spec}` is not a component", path,
+            Code.DRIVE, f"expected a component or a mapping in `{key}`, found `{spec}`", path,
             help=f"write `{{kind: {kind}{gain}}}`",
         )
         return None
@@ -477,7 +467,7 @@ def _driving_part(table: DocumentScope, scope: Scope, owner: str, text: str, pat
     if node.bare is not None or node.spec.assembly is not None:
         kind = f"a {node.bare}" if node.bare is not None else "an assembly"
         scope.error(
-            Code.DRIVE, f"{owner} must be driven by a part with an actuator; `{reference.text}` is {kind}", path,
+            Code.DRIVE, f"`{reference.text}` is {kind} and cannot drive {owner}", path,
             help=f"use a part inside the assembly, for example `{reference.text}.servo`" if node.spec.assembly is not None
             else "use a component whose part has an actuator",
             notes=references.declaration_note(node),

@@ -47,7 +47,7 @@ def in_scope(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str,
             first = materials.setdefault(name, entry)
             if first is not None and entry is not None and first is not entry:
                 context.report.add(
-                    Code.NAME_CLASH, f"material `{name}` is defined in two listed documents", entry.origin,
+                    Code.NAME_CLASH, f"material `{name}` is defined in two documents", entry.origin,
                     help="rename one of the two materials, or list only one of the documents", path=f"materials.{name}", notes=[
                         Note(message=f"`{name}` is also defined here", span=first.origin[0]),
                         Note(message="both documents are listed here", span=scope.span(("materials",))),
@@ -169,7 +169,7 @@ def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | 
     try:
         import bd_materials
     except ImportError:
-        scope.error(Code.LIBRARY, f"`{shorten(text)}` needs the package `bd_materials`, which is not installed", path,
+        scope.error(Code.LIBRARY, f"`{shorten(text)}` requires the package `bd_materials`, which is not installed", path,
                     help="install the package, or use `density` and `color` instead of `base`")
         return None
     name = match.group(1).strip()

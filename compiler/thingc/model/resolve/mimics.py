@@ -38,11 +38,12 @@ def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: 
         return None  # a list of mimics for a joint with one coordinate has already been reported
     coordinate = joint.twist.coordinate if joint.twist is not None else None
     if joint.kind.at_once:
-        scope.error(Code.MIMIC, f"joint `{joint.name.joint}` is {joint.kind.words}: it cannot mimic", path, key=True, help="remove `mimic`")
+        message = f"joint `{joint.name.joint}` is {joint.kind.words} and cannot have `mimic`"
+        scope.error(Code.MIMIC, message, path, key=True, help="remove `mimic`")
         return None
     if coordinate is None:
         scope.error(
-            Code.MIMIC, f"joint `{item.name}` is {joint.kind.words} and does not move: it cannot mimic", path, key=True,
+            Code.MIMIC, f"joint `{item.name}` is {joint.kind.words} and cannot have `mimic`", path, key=True,
             help="remove `mimic`", notes=scope.second_note("the type of the joint is set here", (*item.path, "type"), path),
         )
         return None
@@ -56,14 +57,14 @@ def _mimic(table: DocumentScope, item: Unrolled[JointSpec], joint: Joint, spec: 
     what = f"`mimic.multiplier` of joint `{item.name}`"
     if "multiplier" not in spec.model_fields_set and ratio != NUMBER:
         scope.error(
-            Code.DIMENSION, f"joint `{item.name}` and `{name}` have different units: `mimic` needs a `multiplier` that is {ratio.words}",
+            Code.DIMENSION, f"`mimic` of joint `{item.name}` requires a `multiplier` that is {ratio.words}",
             path, key=True, help=f"write, for example, `multiplier: {ratio.example}`", notes=notes,
         )
         return None
     raw = spec.multiplier
     multiplier = scope.number(raw, (*path, "multiplier"), ratio, what, notes=notes)
     if multiplier is not None and isinstance(raw, Quantity) and raw.value == 0.0:
-        scope.error(Code.MIMIC, f"{what} is 0: the joint would never move", (*path, "multiplier"), help="use `type: fixed`")
+        scope.error(Code.MIMIC, f"{what} must not be 0", (*path, "multiplier"), help="use `type: fixed`")
         return None
     offset = scope.number(spec.offset, (*path, "offset"), coordinate, f"`mimic.offset` of joint `{item.name}`")
     if multiplier is None or offset is None:
@@ -90,8 +91,7 @@ def _polynomial(
         dimension = dimension / other
     if not any(values[1:]):
         scope.error(
-            Code.MIMIC, f"the `polynomial` of joint `{item.name}` is a constant: the joint would never move", place,
-            help="use `type: fixed`",
+            Code.MIMIC, f"the `polynomial` of joint `{item.name}` is constant", place, help="use `type: fixed`",
         )
         return None
     offset, multiplier, *higher = values
@@ -127,10 +127,9 @@ def _resolve_leader(table: DocumentScope, item: Unrolled[JointSpec], spec: Mimic
         return None
     if other.twist is not None and not other.kind.at_once:
         return other
-    why, shown = f", which is {other.kind.words} and does not move", str(name)
-    if other.kind.at_once:
-        why, shown = f": `{name.joint}` is {other.kind.words}, whose rotation is not a single number", name.joint
-    scope.error(Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`{why}", place, notes=other.definition_note(shown))
+    shown = name.joint if other.kind.at_once else str(name)
+    message = f"joint `{item.name}` cannot mimic joint `{shown}`, which is {other.kind.words}"
+    scope.error(Code.MIMIC, message, place, notes=other.definition_note(shown))
     return None
 
 

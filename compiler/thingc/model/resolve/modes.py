@@ -70,7 +70,7 @@ def cuts(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tuple[Cut
         moving = [name for name, joint in joints.items() if joint is not None and joint.twist is not None]
         if resolved and not cuttable:
             fixed = "is a fixed joint" if pattern in joints else "matches only fixed joints"
-            message = f"`{pattern}` {fixed}; a loop can only be cut at a joint that moves"
+            message = f"`{pattern}` in `cut` {fixed}"
             scope.error(Code.CUT, message, entry_path, help=suggest(pattern, moving, what="joints"))
         elif not matches and not table.may_lack_joints():
             report_unmatched(scope, pattern, moving, entry_path, "joint")
@@ -89,7 +89,7 @@ def standing(table: DocumentScope, scope: Scope, name: str, layers: DefaultLayer
         return None
     if base != "free":
         scope.error(
-            Code.STANDING, f"mode `{name}` has `standing_on`, but its base is `{base}`, which already supports the robot", path,
+            Code.STANDING, f"`standing_on` of mode `{name}` cannot be used with `base: {base}`", path,
             help="write `base: free`, or remove `standing_on`",
         )
         return None
@@ -237,7 +237,7 @@ def _mode(table: DocumentScope, scope: Scope, name: str, in_cycle: set[str]) -> 
         if any(scope.doubts.touch(path) for _, path in layers.items):
             return None
         scope.error(
-            Code.NO_ROOT, f"mode `{name}` needs a `root`", ("modes", name), key=True,
+            Code.NO_ROOT, f"mode `{name}` requires a `root`", ("modes", name), key=True,
             help=f"write, for example, `root: {table.base or next(iter(table.nodes), 'plate')}`",
         )
         return None
@@ -269,7 +269,7 @@ def _contacts(table: DocumentScope, scope: Scope, name: str, settings: DefaultLa
             ) for group in mode.groups
         )
     if len(groups) > contacts.MOST_GROUPS:
-        message = f"mode `{name}` has {len(groups)} contact groups, but at most {contacts.MOST_GROUPS} are possible"
+        message = f"mode `{name}` has {len(groups)} contact groups (at most {contacts.MOST_GROUPS} are supported)"
         scope.error(Code.TOO_MANY, message, ("modes", name), key=True, help="combine some of the groups")
     return {"exclude": tuple(exclude), "adhesion": tuple(adhesion), "pairs": tuple(pairs), "groups": tuple(groups)}
 
@@ -279,7 +279,7 @@ def _at_in(table: DocumentScope, scope: Scope, layers: DefaultLayers, base: Base
     specs, path = layers.pick("at_in")
     poses: dict[str, Pose] = {}
     if specs and base not in ("free", "held"):
-        scope.error(Code.STANDING, f"the base is `{base}`, so its place in the world is the same in all poses", path, help="remove `at_in`")
+        scope.error(Code.STANDING, f"`at_in` cannot be used with `base: {base}`", path, help="remove `at_in`")
     for name, spec in (specs or {}).items():
         place = (*path, name)
         pose = scope.pose(spec, place)
@@ -312,7 +312,7 @@ def _at(scope: Scope, name: str, layers: DefaultLayers) -> tuple[Pose, bool]:
         return pose, False
     if z != 0.0 and xyz_layer == floor_layer:
         scope.error(
-            Code.HEIGHT, f"mode `{name}` sets the height of the robot twice: by `on: floor` and by a height of {Quantity(z, LENGTH)}",
+            Code.HEIGHT, f"mode `{name}` has both `on: floor` and a height of {Quantity(z, LENGTH)}",
             (*xyz.path, 2), help="set z of `at` to `0`, or remove `on: floor`",
         )
     return replace(pose, translation=(x, y, 0.0)), True
@@ -324,8 +324,7 @@ def _check_holds_on_floor(scope: Scope, name: str, layers: DefaultLayers, mode_h
     for hold in mode_holds:
         if hold.pose is not None and on:
             scope.error(
-                Code.HEIGHT,
-                f"mode `{name}` sets the height of the robot twice: by `on: floor` and by the hold of `{hold.mount.text}` at a fixed place",
+                Code.HEIGHT, f"mode `{name}` has both `on: floor` and a fixed height of `{hold.mount.text}` under `hold`",
                 ("modes", name, "hold"), span=hold.origin[0],
                 help=f"write `{hold.mount.text}: here`, or replace `on: floor` with a height in `at`",
                 notes=[Note(message="`on: floor` is set here", span=scope.span(on.path))],
@@ -369,8 +368,8 @@ def _actuators(table: DocumentScope, scope: Scope, layers: DefaultLayers) -> tup
         names = [name for name, _ in group]
         missing = [f"`{name}`" for name in names if name.path not in chosen]
         if 0 < len(missing) < len(names):
-            message = f"the mode uses only some drives of a differential; not used: {', '.join(missing)}"
-            help = "use all drives of the differential, because fewer drives cannot control all of its joints"
+            message = f"the mode does not use all drives of a differential (missing: {', '.join(missing)})"
+            help = "use all drives of the differential"
             scope.report.warn(Code.TRANSMISSION, message, scope.origin(path), help=help, allow=True)
     return chosen
 
@@ -404,8 +403,8 @@ def driven_joints(table: DocumentScope, scope: Scope, patterns: Sequence[tuple[s
             joint = joints[CoordinateName(pattern)]
             if joint is not None and joint.drive is None and not undriven_reported(table, joint):
                 scope.error(
-                    Code.DRIVE, f"joint `{pattern}` has no `drive`: it is not an actuator", entry_path,
-                    help=f"use the drives of its differential, such as `{coupled[0]}`" if joint.geared else "give the joint a `drive`",
+                    Code.DRIVE, f"joint `{pattern}` has no `drive`", entry_path,
+                    help=f"use the drives of its differential, such as `{coupled[0]}`" if joint.geared else "add `drive` to the joint",
                     notes=joint.definition_note(pattern),
                 )
             chosen.add(pattern)
@@ -448,7 +447,7 @@ def place_in_modes(table: DocumentScope, placements: dict[str, Attach | At | Non
             continue
         if not isinstance(at, At):
             scope.error(
-                Code.BROKEN_RULE, f"`{node.name}` has `mode` but no `at`, the pose at which the mode is placed", path, key=True,
+                Code.BROKEN_RULE, f"`mode` of component `{node.name}` requires `at`", path, key=True,
                 help="add a component such as `room: {frame: true}`, and write `at: {in: room.origin}`",
             )
             missing_pose = node.unplaced = True

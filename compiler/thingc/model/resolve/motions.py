@@ -102,7 +102,7 @@ def _of_file(table: DocumentScope, rows: Sequence[Row], name: str, where: Span) 
                 raise _WrongCell(fault, span)
             if column != TIME_COLUMN and joint is not None and joint.twist is not None and not joint.limit.contains(own[-1]):
                 ends = " to ".join("no limit" if end is None else joint.twist.format(end) for end in (joint.limit.lower, joint.limit.upper))
-                found = f"joint `{column}` is at {joint.twist.format(own[-1])}, outside its limits {ends}"
+                found = f"the value of `{column}` ({joint.twist.format(own[-1])}) is outside its limits ({ends})"
                 raise _WrongCell(found, span, "change the number, or widen the limits")
     if len(rows) < 3:
         raise _WrongCell("a motion needs at least two rows with numbers", rows[0][0][1], "add rows below the names of the columns")
@@ -129,7 +129,7 @@ def _columns(joints: Mapping[CoordinateName, Joint], header: Row) -> dict[str, f
             columns[name] = _factor(unit, dimensions[name], span)
         elif joint is not None:
             why = f"mimics `{joint.mimic.joint}`" if joint.mimic is not None else f"is {joint.kind.words}"
-            raise _WrongCell(f"joint `{name}` {why}, so a CSV file cannot set this joint", span, "remove the column")
+            raise _WrongCell(f"a CSV file cannot set joint `{name}`, which {why}", span, "remove the column")
         else:
             raise _WrongCell(f"there is no joint `{shorten(name)}`", span, suggest(name, dimensions, what="columns"))
     required = [TIME_COLUMN, *(name for name, joint in joints.items() if name in dimensions and (joint.drive is not None or joint.geared))]

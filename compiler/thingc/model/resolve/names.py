@@ -31,10 +31,10 @@ def names(table: DocumentScope, scope: Scope) -> Iterator[NameInFiles]:
     of_kind: tuple[tuple[NamedKind, dict[str, str], Iterable[str], str, Code], ...] = (
         ("components", spec.components, table.nodes, "component", Code.UNKNOWN_COMPONENT),
         ("mounts", spec.mounts, table.exports, "exported mount", Code.UNKNOWN_MOUNT),
-        ("joints", spec.joints, [*dict.fromkeys(name.joint for name in joints), *TAKEN["joints"]], "joint that moves", Code.UNKNOWN_JOINT),
+        ("joints", spec.joints, [*dict.fromkeys(name.joint for name in joints), *TAKEN["joints"]], "moving joint", Code.UNKNOWN_JOINT),
         ("tendons", spec.tendons, [*table.spec.tendons, *coupled], "tendon", Code.UNKNOWN_TENDON),
         ("actuators", spec.actuators, driven, "driven joint or tendon", Code.UNKNOWN_JOINT),
-        ("equalities", spec.equalities, tied, "joint that mimics or closes a loop", Code.UNKNOWN_JOINT),
+        ("equalities", spec.equalities, tied, "mimic or loop joint", Code.UNKNOWN_JOINT),
         ("sensors", spec.sensors, sensors, "sensor", Code.REFERENCE),
         ("poses", spec.poses, table.poses, "pose", Code.UNKNOWN_POSE),
     )
@@ -47,16 +47,16 @@ def names(table: DocumentScope, scope: Scope) -> Iterator[NameInFiles]:
             place: Path = ("names", kind, own)
             if (own.partition(":")[0] if kind == "sensors" else own) not in known:
                 if not unsure and not any(map(table.doubts.lacks, sections)):
-                    help = suggest(own, known, what=what.partition(" that ")[0].replace("joint or", "joints or") + "s")
+                    help = suggest(own, known, what=what.replace("joint or", "joints or") + "s")
                     scope.error(code, f"this document has no {what} `{own}`", place, key=True, help=help)
             elif name in TAKEN.get(kind, ()):
                 scope.error(
-                    Code.RESERVED_NAME, f"`{name}` is a reserved name in files, and cannot be the name of `{own}`", place,
+                    Code.RESERVED_NAME, f"`{own}` cannot have the reserved name `{name}` in files", place,
                     help="choose another name",
                 )
             elif (other := owners.setdefault(name, own)) != own:
                 scope.error(
-                    Code.SAME_NAME, f"`{other}` and `{own}` would both be named `{name}` in files", place,
+                    Code.SAME_NAME, f"`{other}` and `{own}` have the same name `{name}` in files", place,
                     help="rename one of the two elements",
                     notes=scope.second_note(f"`{other}` is defined here", ("names", kind, other), place),
                 )

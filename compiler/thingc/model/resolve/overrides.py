@@ -46,7 +46,7 @@ def refuse_on_assembly(node: ComponentScope) -> None:
     for key in _OF_PARTS:
         entire = key == "bom" and node.spec.bom is not None and node.spec.bom.as_ is not None
         if key in node.spec.model_fields_set and getattr(node.spec, key) is not None and not entire:
-            help = "set the key on a component of the nested document; the value of the key can be a parameter of that document"
+            help = "set the key on a component of the nested document"
             node.scope.error(
                 Code.OVERRIDE, f"`{key}` cannot be set on the nested assembly `{node.name}`", (*node.path, key), key=True,
                 help="add `as: one` to list the assembly as one bought part" if key == "bom" else help,

@@ -265,7 +265,7 @@ def _check_own_bounds(scope: Scope, name: str, entry: ParameterSpec, bounds: dic
         return
     if not isinstance(value, Quantity):
         scope.error(
-            Code.VALUE_KIND, f"`{first_key}` can only bound a number; `{name}` is {kind_of(value)}", (*path, first_key),
+            Code.VALUE_KIND, f"`{first_key}` of parameter `{name}` requires a number, found {kind_of(value)}", (*path, first_key),
             help=f"remove `{first_key}`", key=True, notes=scope.second_note(f"`{name}` is set here", value_path, (*path, first_key)),
         )
         return

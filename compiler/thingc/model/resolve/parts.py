@@ -30,7 +30,7 @@ from thingc.geometry.record import (
 from thingc.model.resolve.document_scope import ComponentScope, ResolveRun
 from thingc.model.resolve.scope import Scope, TooManyErrors, dimension_message
 
-_WRITE_WHERE = "write files only to `tempfile.gettempdir()`, a temporary folder that is deleted when the part is finished"
+_WRITE_WHERE = "write files only to `tempfile.gettempdir()`"
 FAILURES: Mapping[FailureKind, tuple[Code, str, str]] = {
     "raised": (Code.PART_RAISED, "raised an exception", "change the `params` of the component, or fix the part file"),
     "hung": (Code.PART_HUNG, "took too long", "fix the part, or allow more time with `--part-timeout`"),
@@ -43,7 +43,7 @@ FAILURES: Mapping[FailureKind, tuple[Code, str, str]] = {
     "missing": (Code.PART_MISSING, "does not exist", "write `module:Class`, with a module in a part folder and a class in that module"),
     "resultless": (Code.NO_RESULT, "has no shape", "add `def result(self):` that returns a shape, or None for a part without geometry"),
     **dict.fromkeys(("invalid", "absent"), (Code.PART_INVALID, "is not valid", "fix the part file")),
-    "unbounded": (Code.PART_INVALID, "cannot be simplified to so few triangles", "increase `faces`"),
+    "unbounded": (Code.PART_INVALID, "cannot be simplified", "increase `faces`"),
     "stale": (Code.LOCK_STALE, "has changed", "run `thingc lock`, and commit `parts.lock.json`"),
     "unlocked": (Code.NOT_LOCKED, "is not locked", "run `thingc lock`, and commit `parts.lock.json`"),
 }
@@ -96,9 +96,8 @@ def _given_parameters(node: ComponentScope, schema: PartSchema) -> dict[str, Val
     if missing and not scope.doubts.touch(path):
         named = " and ".join(f"`{parameter.name}`" for parameter in missing)
         examples = (f"{needed.name}: {DIMENSIONS[needed.kind].example if needed.kind in DIMENSIONS else '...'}" for needed in missing)
-        s, are = ("s", "are") if len(missing) > 1 else ("", "is")
         scope.error(
-            Code.MISSING_PARAMETER, f"`{schema.reference}` needs the parameter{s} {named}, which {are} not set",
+            Code.MISSING_PARAMETER, f"`{schema.reference}` requires {'the parameters' if len(missing) > 1 else 'the parameter'} {named}",
             (*node.path, "part"), help=f"write `params: {{{', '.join(examples)}}}`", notes=_declared_at(schema),
         )
     return values if len(values) == len(node.spec.params) and not missing else None
@@ -208,7 +207,7 @@ def _report_failure(context: ResolveRun, node: ComponentScope, reference: str, f
     if failure.kind == "resultless":
         message, help = failure.message, advice
     elif failure.kind in ("stale", "unlocked"):
-        help = "run `thingc lock` on a machine that may run part code, and commit `parts.lock.json`"
+        help = "run `thingc lock`, and commit `parts.lock.json`"
     elif failure.kind == "refused":
         allowed = ", ".join(f"`{package}`" for package in failure.candidates)
         help = f"use a part from the part folders of the workspace{' or from the allowed packages: ' + allowed if allowed else ''}"
@@ -278,11 +277,9 @@ def _module_hint(context: ResolveRun, reference: str, modules_found: Collection[
     if close is not None:
         return close
     folders = [context.workspace.relative(folder) for folder in context.workspace.parts] or list(DEFAULT_PARTS)
-    hint = f"modules are in {' or '.join(f'`{folder}/`' for folder in folders)}"
-    if not context.workspace.parts:
-        hint += ", which does not exist yet"
+    hint = f"use a module in {' or '.join(f'`{folder}/`' for folder in folders)}"
     if "." not in module:
-        hint += f": add a class `{shorten(name)}` to `{folders[0]}/{shorten(module)}.py`"
+        hint = f"add a class `{shorten(name)}` to `{folders[0]}/{shorten(module)}.py`"
     modules = sorted(set(modules_found) - set(context.workspace.packages))
     return f"{hint}; {did_you_mean('', modules, what='modules')}" if modules else hint
 

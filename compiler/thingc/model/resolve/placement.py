@@ -52,8 +52,7 @@ def _attach(table: DocumentScope, node: ComponentScope) -> Attach | None:
         if _is_swapped(table, node, name):
             mine_meant = to_text.removeprefix(f"{node.name}.")
             scope.error(
-                Code.REFERENCE,
-                f"`attach` needs a mount of `{node.name}` first, then the mount to which it is attached; `{name}` is on another component",
+                Code.REFERENCE, f"`attach` must begin with a mount of `{node.name}`, found `{name}`",
                 to_path, key=True, help=f"write `{{{mine_meant}: {name}}}`" if "." not in mine_meant else None,
             )
             return None
@@ -114,11 +113,10 @@ def check(table: DocumentScope, places: Places, *, unknown_child: bool) -> None:
             continue
         node.unplaced = True
         (first, first_span), (second, second_span) = placements[0], placements[1]
-        message, help = f"`{name}` is placed twice: by {first} and by {second}", "remove one of the two placements" + _loop_hint(second)
+        message, help = f"`{name}` is placed by both {first} and {second}", "remove one of the two placements" + _loop_hint(second)
         if name in swapped and (parent := swapped[name].parent.path[0]) in free:
             joint = swapped[name]
-            message += f"; `parent` and `child` of joint `{joint.name.joint}` may be swapped, because nothing places `{parent}`"
-            help = f"write `parent: {joint.child.text}` and `child: {joint.parent.text}` in joint `{joint.name.joint}`"
+            help = f"swap the mounts of joint `{joint.name.joint}`: `parent: {joint.child.text}`, `child: {joint.parent.text}`"
             table.nodes[parent].unplaced = True
             free.remove(parent)
         table.scope.report.add(
@@ -141,7 +139,7 @@ def check(table: DocumentScope, places: Places, *, unknown_child: bool) -> None:
 def _report_no_base(table: DocumentScope, places: Places) -> None:
     joint = next((placement for ways in reversed(places.values()) for placement, _ in ways if placement.startswith("joint")), "")
     table.scope.error(
-        Code.NO_BASE, "every component is placed on another component, so the assembly has no base", ("components",), key=True,
+        Code.NO_BASE, "the assembly has no base component", ("components",), key=True,
         help=f"remove the placement of one component, for example of `{next(iter(table.nodes))}`{_loop_hint(joint)}",
         notes=[Note(message=f"`{name}` is placed by {ways[0][0]}", span=ways[0][1]) for name, ways in [*places.items()][:4]],
     )
@@ -149,17 +147,15 @@ def _report_no_base(table: DocumentScope, places: Places) -> None:
 
 def _loop_hint(way: str) -> str:
     """Return the end of a help text for the description of a placement. For a joint, the hint is that the joint may close a loop."""
-    return f"; if {way} closes a loop, add `loop: true` to the joint" if way.startswith("joint ") else ""
+    return f", or add `loop: true` to {way}" if way.startswith("joint ") else ""
 
 
 def _report_bases(table: DocumentScope, free: list[str]) -> None:
-    message = f"{len(free)} components are not placed: {quote_names(free, 6)}; only the base component may be left unplaced"
-    if len(free) == 2:
-        message = f"`{free[0]}` and `{free[1]}` are not placed; only the base component may be left unplaced"
+    message = f"expected one unplaced component (the base), found {len(free)}: {quote_names(free, 6)}"
     second = table.nodes[free[1]]
     table.scope.report.add(
         Code.TWO_BASES, message, second.scope.span(second.path, key=True), path=f"components.{free[1]}",
-        help="place every component except the base with `attach` or `at`, or make it the child of a joint", notes=[
+        help="place every component except the base with `attach`, `at` or a joint", notes=[
             Note(message=f"`{name}` is not placed either", span=table.nodes[name].scope.span(table.nodes[name].path, key=True))
             for name in [free[0], *free[2:6]]
         ],

@@ -22,6 +22,8 @@ LIKELY_UNITS = ("mm", "m", "in", "cm", "um")
 _STEP = 1000.0
 """Ratio of g/cm^3 to kg/m^3, and of kg to g."""
 
+_OUTSIDE = f"is outside the range of solids ({LIGHTEST:g} to {HEAVIEST:g} kg/m^3)"
+
 
 class Implausible(FrozenStruct):
     """The description of an implausible value, and the value [SI] that the user probably intended (None if unknown)."""
@@ -34,10 +36,9 @@ def density_doubt(density: float) -> Implausible | None:
     """Check a density [kg/m^3]. Return None if the density is plausible for a solid."""
     if LIGHTEST <= density <= HEAVIEST:
         return None
-    intended, comparison = (density * _STEP, "less than foam") if density < LIGHTEST else (density / _STEP, "more than any solid")
-    bounds = f"(solids: {_format_number(LIGHTEST)} to {_format_number(HEAVIEST)} kg/m^3)"
-    text = f"has a density of {_format_number(density)} kg/m^3, {comparison} {bounds}"
-    return Implausible(words=text, meant=intended if LIGHTEST <= intended <= HEAVIEST else None)
+    intended = density * _STEP if density < LIGHTEST else density / _STEP
+    words = f"({_format_number(density)} kg/m^3) {_OUTSIDE}"
+    return Implausible(words=words, meant=intended if LIGHTEST <= intended <= HEAVIEST else None)
 
 
 def mass_doubt(mass: float, volume: float) -> Implausible | None:
@@ -46,14 +47,14 @@ def mass_doubt(mass: float, volume: float) -> Implausible | None:
     if doubt is None:
         return None
     return Implausible(
-        words=f"weighs {mass_words(mass)} in {_format_number(1e6 * volume)} cm^3: it {doubt.words}",
+        words=f"({mass_words(mass)} in {_format_number(1e6 * volume)} cm^3) {_OUTSIDE}",
         meant=None if doubt.meant is None else doubt.meant * volume,
     )
 
 
 def density_cure(doubt: Implausible) -> str | None:
     """Return a hint for an implausible density, or None if the intended density is unknown."""
-    return None if doubt.meant is None else f"probably `{doubt.meant:.6g} kg/m^3` was meant"
+    return None if doubt.meant is None else f"did you mean `{doubt.meant:.6g} kg/m^3`?"
 
 
 def said_by_file(definition: PartDefinition) -> bool:
@@ -70,8 +71,8 @@ def size_doubt(box: tuple[Vector, Vector]) -> str | None:
     """Describe the size of a part with an implausible bounding box. Return None if the size is plausible."""
     if SMALLEST <= longest_side(box) <= LARGEST:
         return None
-    bound = f"under {1000.0 * SMALLEST:g} mm" if longest_side(box) < SMALLEST else f"over {LARGEST:g} m"
-    return f"is {bound} long: its bounding box is {measures(box)}"
+    bound = f"shorter than {1000.0 * SMALLEST:g} mm" if longest_side(box) < SMALLEST else f"longer than {LARGEST:g} m"
+    return f"is {bound} ({measures(box)})"
 
 
 def unit_meant(definition: object, box: tuple[Vector, Vector]) -> str:
@@ -80,11 +81,11 @@ def unit_meant(definition: object, box: tuple[Vector, Vector]) -> str:
     If the part is a file without a unit, the hint suggests a unit for which the size is plausible.
     """
     if isinstance(definition, LinkDefinition):
-        return "check the units of the shapes; for a `mesh`, set `unit`, for example `unit: m`"
+        return "check the units of the shapes, such as `unit: m` of a `mesh`"
     if not isinstance(definition, PartDefinition) or definition.kind != "file":
-        return "part code uses millimetres: check the units of its `params`"
+        return "check the units of the `params` (part code uses millimetres)"
     if said_by_file(definition):
-        return "the file specifies its own unit: export the file again in the right unit"
+        return "export the file again in the right unit"
     unit = str(dict(definition.parameters).get("unit", FILE_UNIT))
     number = longest_side(box) / parse_quantity(f"1 {unit}").value
     sizes = {other: number * parse_quantity(f"1 {other}").value for other in LIKELY_UNITS}
@@ -92,7 +93,7 @@ def unit_meant(definition: object, box: tuple[Vector, Vector]) -> str:
         for other, meant in sizes.items():
             if least <= meant <= LARGEST / 3.0:
                 return f"write `unit: {other}` if the numbers in the file are in {other}"
-    return f"the numbers in the file are read as {unit}: check the file"
+    return f"check the unit of the file (read as {unit})"
 
 
 def measures(box: tuple[Vector, Vector]) -> str:

@@ -93,9 +93,9 @@ def _set_coordinates(scope: Scope, joints: Joints, key: str, names: list[Coordin
         return
     example = ", ".join("..." for _ in names)
     scope.error(
-        Code.COORDINATES, f"joint `{key}` has {len(names)} coordinates: its value must be a list of {len(names)} items" if names
-        else f"joint `{key}` has one coordinate: its value must not be a list", path, key=True,
-        help=f"write `[{example}]`, or set only one: `{names[0]}`" if names else "write one value", notes=joint.definition_note(key),
+        Code.COORDINATES, f"the value of joint `{key}` must be a list of {len(names)} items" if names
+        else f"the value of joint `{key}` must not be a list", path, key=True,
+        help=f"write `[{example}]`, or set only `{names[0]}`" if names else "write one value", notes=joint.definition_note(key),
     )
 
 
@@ -104,7 +104,7 @@ def _set_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint, 
     free = ball.kind.free
     if not isinstance(raw, TurnSpec) or (raw.xyz is not None and not free):
         scope.error(
-            Code.POSE, f"joint `{key}` is {ball.kind.words}: its value in a pose must be {'`xyz`, ' if free else ''}`rpy` or `quat`", path,
+            Code.POSE, f"the value of joint `{key}` ({ball.kind.words}) must be {'`xyz`, ' if free else ''}`rpy` or `quat`", path,
             key=True, help=f"write, for example, `{key}: {_EXAMPLE[free]}`", notes=ball.definition_note(key),
         )
         return
@@ -120,8 +120,7 @@ def _set_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint, 
         quaternion = None if w is None or x is None or y is None or z is None else (w, x, y, z)
         if quaternion is not None and not any(quaternion):
             scope.error(
-                Code.POSE, f"{subject} is zero, which is not a rotation", at,
-                help="write the quaternion as `[w, x, y, z]`; the identity is `[1, 0, 0, 0]`",
+                Code.POSE, f"{subject} must not be zero", at, help="write `[w, x, y, z]`, for example `[1, 0, 0, 0]`",
             )
             return
     if quaternion is not None and place is not None:
@@ -155,20 +154,20 @@ def _set(scope: Scope, joints: Joints, names: list[CoordinateName], raw: Any, pa
         coordinate, notes, key = joint.twist.coordinate if joint.twist is not None else None, joint.definition_note(name), True
         help: str | None
         if joint.kind.at_once:
-            message = f"joint `{name.joint}` is {joint.kind.words}: a pose cannot set a single coordinate"
+            message = f"a pose cannot set a single coordinate of joint `{name.joint}` ({joint.kind.words})"
             help = f"write, for example, `{name.joint}: {_EXAMPLE[joint.kind.free]}`"
             notes = joint.definition_note(name.joint)
         elif coordinate is None:
-            message, help = f"joint `{name}` is {joint.kind.words} and has no coordinate to set", "remove the joint from the pose"
+            message, help = f"a pose cannot set joint `{name}`, which is {joint.kind.words}", "remove the joint from the pose"
         elif joint.mimic is not None:
-            message = f"a pose cannot set joint `{name}`, because this joint mimics `{joint.mimic.joint}`"
+            message = f"a pose cannot set joint `{name}`, which mimics `{joint.mimic.joint}`"
             help = f"set `{name.rpartition('.')[0] + '.' if '.' in name else ''}{joint.mimic.joint}`"
             notes = make_notes("`mimic` is set here", joint.mimic.origin)
         elif isinstance(raw, str):
             message = f"the value of joint `{name}` must be {coordinate.words} (such as {coordinate.example}), found the string `{raw}`"
             help, key = f"an expression begins with `=`: `={raw}`" if raw in scope.names else None, False
         else:
-            subject = f"the value of joint `{name}`" if exact else f"the pattern matches joint `{name}`: its value"
+            subject = f"the value of joint `{name}`" if exact else f"the value of joint `{name}` (matched by the pattern)"
             value = scope.number(raw, path, coordinate, subject, notes=notes)
             if value is not None:
                 settings[name.path] = (value, scope.origin(path))
@@ -190,8 +189,8 @@ def _set_matching(table: DocumentScope, scope: Scope, joints: Joints, key: str, 
     elif matches:
         scope.error(
             Code.NO_MATCH, f"pattern `{key}` matches no joint that a pose can set", path, key=True,
-            help=f"`{matches[0].joint}` is {joint.kind.words}: write `{_EXAMPLE[joint.kind.free]}`"
-            if (joint := joints[matches[0]]) and joint.kind.at_once else f"`{matches[0]}` mimics another joint or does not move",
+            help=f"write `{matches[0].joint}: {_EXAMPLE[joint.kind.free]}`"
+            if (joint := joints[matches[0]]) and joint.kind.at_once else "use a pattern that matches an independent joint",
         )
     else:
         scope.error(
@@ -212,7 +211,7 @@ def _set_matching_coordinates(scope: Scope, joints: Joints, key: str, raw: Any, 
         _set_coordinates(scope, joints, joint, names, raw, path, settings)
     if not coordinates and not any(joint is None for joint in joints.values()):
         scope.error(
-            Code.COORDINATES, f"pattern `{key}` matches no joint with several coordinates: its value must not be a list", path, key=True,
+            Code.COORDINATES, f"the value of pattern `{key}` must not be a list", path, key=True,
             help="write one value",
         )
 
@@ -270,7 +269,7 @@ def _report_unknown(table: DocumentScope, scope: Scope, joints: Joints, key: str
     names: list[str] = [*_settable_joints(joints)]
     if node is not None and "." not in key:
         if node.table is not None:
-            message = f"`{key}` is a nested assembly: the value must be the name of a pose of this assembly"
+            message = f"the value of nested assembly `{key}` must be one of its poses"
             help = suggest("", node.table.spec.poses, what="poses")
         else:
             message, help = f"`{key}` is a component, not a joint", suggest(key, names, what="joints")
@@ -280,7 +279,7 @@ def _report_unknown(table: DocumentScope, scope: Scope, joints: Joints, key: str
     if repeated is not None and repeated.repeat is not None:
         scope.error(
             Code.UNKNOWN_JOINT, f"there is no joint `{key}`", path, key=True,
-            help=f"joint `{key}` is repeated: write `{key}_0`, or `{key}_*`",
+            help=f"write `{key}_0`, or `{key}_*` for all copies",
         )
         return
     names.extend(prefix[:-1] for prefix in table.unbuilt_joints if prefix)

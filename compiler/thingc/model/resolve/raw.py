@@ -53,7 +53,7 @@ def added_elements(scope: Scope, written: Mapping[str, Any]) -> tuple[RawElement
     if not isinstance(sections, Mapping):
         scope.error(
             Code.VALUE_KIND, "`add` must be a mapping of sections", path,
-            help=f"write, for example, `tendon: [...]` with elements such as {_EXAMPLE}",
+            help=f"write, for example, a section `tendon:` with elements such as {_EXAMPLE}",
         )
         return ()
     for section in sections:
@@ -123,7 +123,7 @@ EXAMPLES = {
 """The targets that accept raw attributes, each with an example of an attribute of a joint."""
 
 IN_PLACE = {
-    "ros": "write the attributes under `urdf`, which also applies to the URDF file in the ROS package",
+    "ros": "write the attributes under `urdf`",
     "mjz": "write the attributes under `mjcf`",
 }
 """Hints for targets that contain files of other targets."""

@@ -28,28 +28,28 @@ PLACE = frozenset({"pos", "quat", "axisangle", "euler", "xyaxes", "zaxis", "from
 
 SECTIONS: Mapping[str, Mapping[str, str]] = {
     "compiler": {
-        "angle": "angles in the model are in radians: write angles in radians",
-        "assetdir": "remove the attribute: thingc sets the paths of meshes",
-        "fusestatic": "every link is a body: combine two links with a fixed joint or `attach`",
-        "meshdir": "remove the attribute: thingc sets the paths of meshes",
-        "strippath": "remove the attribute: thingc sets the paths of meshes",
+        "angle": "write angles in radians",
+        "assetdir": "remove the attribute",
+        "fusestatic": "combine two links with a fixed joint or `attach`",
+        "meshdir": "remove the attribute",
+        "strippath": "remove the attribute",
     },
 }
 """Attributes that affect names, files or units of the whole model, each with the help text that suggests a replacement."""
 
 SAID_BY: Mapping[str, str] = {
-    "actuator": "set `drive:` of the joint: a drive has the name of its joint",
-    "body": "rename the link under `links:`: each link becomes a body",
+    "actuator": "set `drive:` of the joint",
+    "body": "rename the link under `links:`",
     "camera": "define the camera under `sensors:`",
     "equality": "set `mimic:` or `loop: true` on the joint",
     "geom": "set `material:`, `visual:` or `collision:` of the component",
-    "joint": "define the joint under `joints:`, with its name, `type:`, mounts and `offset:`",
-    "key": "a keyframe has the name of its pose: rename the pose under `poses:`",
-    "material": "materials are created from the colours of components: set `material:`, or `color:` of the material",
-    "mesh": "meshes come from the parts: set `part:`, `visual:` or `collision:` of the component",
-    "numeric": "a velocity limit has the name of its joint: rename the joint under `joints:`",
+    "joint": "define the joint under `joints:`",
+    "key": "rename the pose under `poses:`",
+    "material": "set `material:` of the component, or `color:` of the material",
+    "mesh": "set `part:`, `visual:` or `collision:` of the component",
+    "numeric": "rename the joint under `joints:`",
     "sensor": "define the sensor under `sensors:`",
-    "site": "rename the mount under `mounts:`: each mount becomes a site",
+    "site": "rename the mount under `mounts:`",
     "tendon": "define the tendon under `tendons:`",
 }
 """Help texts that explain where a document specifies names of elements and references to elements, by kind of element."""
@@ -93,7 +93,7 @@ def fixed_in_all(target: str, path: tuple[str, ...]) -> tuple[str, str] | None:
         name = key.rpartition(" ")[2]
         instead = _instead_in_usd(name) if target == "usd" else None if (key, target) == ("axis", "sdf") else EVERYWHERE.get(key)
         if instead is not None:
-            return f"`raw` cannot set `{name}` of a {path[0]}: the robot would differ between formats", instead
+            return f"`raw` cannot set `{name}` of a {path[0]}", instead
     return None
 
 
@@ -112,7 +112,7 @@ def find_protected(path: tuple[str, ...]) -> tuple[str, str] | None:
     kind, attribute = path[0] if path else "", path[-1] if path else ""
     if len(path) == 2 and kind in SECTIONS:
         instead = SECTIONS[kind].get(attribute)
-        return None if instead is None else (f"`raw` cannot set `{attribute}` of `{kind}`: the whole model depends on it", instead)
+        return None if instead is None else (f"`raw` cannot set `{attribute}` of `{kind}`", instead)
     if kind == "default" and len(path) == 4:
         kind = path[2]
     elif kind not in SAID_BY or len(path) != 3:
@@ -120,15 +120,14 @@ def find_protected(path: tuple[str, ...]) -> tuple[str, str] | None:
     what = f"`raw` cannot set `{attribute}` of {'an' if kind[:1] in 'ae' else 'a'} {kind}"
     instead = SAID_BY.get(kind, "use the keys of the document instead")
     if attribute == "name":
-        return f"{what}: other elements, poses and `modes.json` refer to it by name", instead
+        return f"{what}, to which other elements refer", instead
     if attribute in CLASSES:
-        instead = f"set the attributes of the {kind} itself, or those of its class under `default:`"
-        return f"{what}: thingc assigns its class", instead
+        return what, f"set the attributes of the {kind} itself, or those of its class under `default:`"
     if attribute in REFERRING:
-        return f"{what}: it refers to another element", instead
+        return f"{what}, which refers to another element", instead
     if kind == "joint" and attribute in MOTION:
-        return f"{what}: poses and `modes.json` depend on it", instead
+        return f"{what}, on which poses depend", instead
     if kind in ("body", "site") and attribute in PLACE:
         instead = "change `attach:`, `at:`, or the `parent:`, `child:` and `turn:` of the joint" if kind == "body" else "change the mount"
-        return f"{what}: poses, other modes and `modes.json` depend on its position", instead
+        return f"{what}, on which poses and other modes depend", instead
     return None

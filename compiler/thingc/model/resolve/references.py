@@ -52,10 +52,10 @@ def replace_index(scope: Scope, text: str, path: Path, *, key: bool = False) -> 
         return filled
     notes: list[Note] = []
     if scope.index is None:
-        message = f"`{unknown[0]}` in `{text}` is an index, but there is no `repeat` here"
+        message = f"the index `{unknown[0]}` in `{text}` requires `repeat`"
         help = "add `repeat: {count: ...}`, or replace the index with a number"
     else:
-        message, help = f"unknown index `{unknown[0]}` in `{text}`", f"the index of this repeat is `${scope.index[0]}`"
+        message, help = f"unknown index `{unknown[0]}` in `{text}`", f"use the index `${scope.index[0]}` of this `repeat`"
         notes = scope.second_note("the `repeat` is defined here", (*path[:2], "repeat", "as"), path)
     scope.error(Code.REFERENCE, message, path, help=help, key=key, notes=notes)
     return None
@@ -90,7 +90,7 @@ def split_names(scope: Scope, text: str, path: Path, *, key: bool = False) -> tu
         corrected = ".".join(f"{item.group(1)}_{item.group(2)}" if part == invalid else part for part in parts)
         help = f"write the number of the item after an underscore: `{corrected}`"
     elif GLOB.search(invalid):
-        message, help = f"`{filled}` is a pattern, but a single name is required here", "write the name in full"
+        message, help = f"expected a single name, found the pattern `{filled}`", "write the name in full"
     scope.error(Code.REFERENCE, message, path, help=help, key=key)
     return None
 
@@ -137,7 +137,7 @@ def own_mount(node: ComponentScope, scope: Scope, text: str, path: Path, *, key:
         return None
     if len(parts) > 1 and parts[0] == node.name and (node.table is None or node.name not in node.table.nodes):
         scope.error(
-            Code.REFERENCE, f"`attach` must start with a mount of `{node.name}` itself, found `{'.'.join(parts)}`", path,
+            Code.REFERENCE, f"`attach` must begin with the name of a mount of `{node.name}`, found `{'.'.join(parts)}`", path,
             help=f"write `{'.'.join(parts[1:])}`", key=key,
         )
         return None
@@ -183,8 +183,8 @@ def root(table: DocumentScope, scope: Scope, text: str, path: Path, *, key: bool
         if not is_component and parts[0] in RESERVED:
             example = table.base or next(iter(table.nodes), "plate")
             scope.error(
-                Code.UNKNOWN_COMPONENT, f"`{parts[0]}` is not a component: the root is the component that is fixed to the world", path,
-                key=key, help=f"use a component or one of its mounts, for example `{example}` or `{example}.MOUNT`",
+                Code.UNKNOWN_COMPONENT, f"`{parts[0]}` is not a component", path, key=key,
+                help=f"use the component that is fixed to the world, for example `{example}`",
             )
             return None
         return Reference(path=parts, mount=None, origin=origin) if _descend(table, scope, parts, path, key) is not None else None
@@ -227,7 +227,7 @@ def suggest(name: str, names: Iterable[str], *, what: str) -> Hint:
     For the name `none`, the hint explains that the key should be omitted.
     """
     if name.lower() == "none":
-        return "if you do not need a value, remove the key"
+        return "remove the key to omit the value"
     return did_you_mean(name, islice(names, MAX_SUGGESTED), what=what)
 
 
@@ -329,7 +329,7 @@ def _mount_of(node: ComponentScope, scope: Scope, remaining: tuple[str, ...], pa
     names = [*node.table.exports, ORIGIN, *node.mounts]
     help = suggest(name, names, what="exported mounts")
     if nearest(name, names) is None:
-        help = f"{help}; to export another mount, list it under `mounts:` of the nested document"
+        help = f"{help}; to export a mount, list the mount under `mounts:` of the nested document"
     scope.error(
         Code.UNKNOWN_MOUNT, f"{description} exports no mount `{name}`", path, help=help, key=key,
         notes=[*definition_note(node.table), *_repeat_notes(scope, path, key)],
@@ -358,19 +358,19 @@ def _report_single(table: DocumentScope, scope: Scope, name: str, path: Path, ke
     notes: list[Note] = []
     help: Hint
     if name in table.nodes:
-        message = f"`{name}` is a component, but a mount is required here"
+        message = f"expected a mount, found the component `{name}`"
         help = f"use a mount of the component, for example `{name}.{ORIGIN}`"
         notes = declaration_note(table.nodes[name])
     elif name in table.exports:
         notes = [Note(message=f"`{name}` is exported here", span=table.scope.span(("mounts", name), key=True))]
-        message, help = f"`{name}` is an exported mount; use the mount of the component here", "write `component.mount`"
+        message, help = f"expected a mount of a component, found the exported mount `{name}`", "write `component.mount`"
     else:
-        message, help = f"a mount must be `component.mount`, found `{name}`", suggest(name, table.nodes, what="components")
+        message, help = f"expected a mount such as `component.mount`, found `{name}`", suggest(name, table.nodes, what="components")
         having = [f"`{node.name}.{name}`" for node in table.nodes.values() if _shows(node, name)]
         if 0 < len(having) <= 3:
             help = f"did you mean {' or '.join(having)}?"
         elif nearest(name, islice(table.nodes, MAX_SUGGESTED)) is not None:
-            help = f"{str(help)[:-1]}, followed by a `.` and a mount of this component?"
+            help = f"{str(help)[:-2]}.MOUNT`?"
     scope.error(Code.REFERENCE, message, path, help=help, key=key, notes=notes)
 
 
@@ -386,12 +386,12 @@ def _report_component(
     message = f"{owner} has no component `{name}`"
     repeated = inner.spec.components.get(name)
     if name in inner.exports:
-        message = f"`{name}` is an exported mount of {owner}, and has no components"
+        message = f"`{name}` is an exported mount of {owner}, not a component"
         help = f"write `{'.'.join(parts[: depth + 1])}`" if depth else "start the reference with a component"
         notes = [Note(message=f"`{name}` is exported here", span=inner.scope.span(("mounts", name), key=True))]
     elif repeated is not None and repeated.repeat is not None:
         copies = [one.name for one in inner.nodes.values() if one.path == ("components", name)]
-        help = f"`{name}` is repeated: `{copies[0]}` to `{copies[-1]}`" if copies else f"`{name}` is repeated 0 times"
+        help = f"use a copy of `{name}`: `{copies[0]}` to `{copies[-1]}`" if copies else f"set `count` of `{name}` to at least 1"
         notes = [Note(message=f"`{name}` is repeated here", span=inner.scope.span(("components", name, "repeat")))]
     else:
         candidates = [*inner.nodes, *(prefix[:-1] for prefix in inner.unbuilt if prefix)]
@@ -416,6 +416,6 @@ def _report_leaf(node: ComponentScope, scope: Scope, parts: tuple[str, ...], dep
         return
     kind = f"a {node.bare}" if node.bare is not None else "an assembly" if isinstance(node.definition, AssemblyDefinition) else "a part"
     scope.error(
-        Code.UNKNOWN_COMPONENT, f"`{node.name}` is {kind} and has no components: `{'.'.join(parts)}` has too many names", path,
+        Code.UNKNOWN_COMPONENT, f"`{node.name}` in `{'.'.join(parts)}` is {kind} and has no components", path,
         help=f"write `{'.'.join(parts[:depth])}.mount`", key=key, notes=declaration_note(node),
     )

@@ -86,18 +86,18 @@ def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: I
         path: Path = (section, name, "repeat")
         count = scope.count(spec.repeat.count, (*path, "count"), f"the count of `{name}`")
         if count is not None and count > MAX_REPEAT:
-            scope.error(Code.TOO_MANY, f"`{name}` is repeated {count} times; at most {MAX_REPEAT} are allowed", (*path, "count"))
+            scope.error(Code.TOO_MANY, f"`{name}` is repeated {count} times (at most {MAX_REPEAT} are allowed)", (*path, "count"))
             count = None
         if count is not None and spec.repeat.as_ in set(parameters):
             scope.error(
-                Code.NAME_CLASH, f"the index `{spec.repeat.as_}` of this repeat is also a parameter of the document", path,
-                help="give the index another name: `as: k`", key=True,
+                Code.NAME_CLASH, f"the index `{spec.repeat.as_}` is also a parameter of the document", path,
+                help="rename the index, for example `as: k`", key=True,
                 notes=[Note(message="the parameter", span=scope.span(("parameters", spec.repeat.as_), key=True))],
             )
             count = None
         if count is not None and total + count > MAX_OCCURRENCES:
             scope.error(
-                Code.TOO_MANY, f"with `{name}`, this document has {total + count} {section}; at most {MAX_OCCURRENCES} are allowed",
+                Code.TOO_MANY, f"the document has {total + count} {section} (at most {MAX_OCCURRENCES} are allowed)",
                 (*path, "count"),
             )
             return None
@@ -115,8 +115,7 @@ def check_names(scope: Scope, names: Iterable[tuple[str, Path, str]], *, reserve
     for name, path, what in names:
         if reserved and name in RESERVED:
             scope.error(
-                Code.RESERVED_NAME, f"`{name}` is a reserved name, and cannot be the name of {what}", path, key=True,
-                help="choose another name",
+                Code.RESERVED_NAME, f"{what} cannot have the reserved name `{name}`", path, key=True, help="choose another name",
             )
             continue
         first = seen.setdefault(name.lower(), (name, path, what))

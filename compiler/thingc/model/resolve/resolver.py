@@ -99,6 +99,6 @@ def resolve_materials(sources: Sources, report: Report) -> None:
         doubt = None if material is None or material.density is None else density_doubt(material.density)
         if material is not None and doubt is not None:
             report.warn(
-                Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin, path=f"materials.{material.name}.density",
-                help=density_cure(doubt),
+                Code.DENSITY, f"the density of `{material.name}` {doubt.words}", material.density_origin,
+                path=f"materials.{material.name}.density", help=density_cure(doubt),
             )

@@ -210,7 +210,7 @@ class Scope(FrozenStruct):
         size = numeric.hypot(*vector)
         if size > 0.0:
             return (vector[0] / size, vector[1] / size, vector[2] / size)
-        self.error(code, zero or f"{subject} has length 0 and thus no direction", path, help=f"write, for example, `{example}`")
+        self.error(code, zero or f"{subject} must not be zero", path, help=f"write, for example, `{example}`")
         return None
 
     def pose(self, spec: PoseSpec, path: Path) -> Pose | None:
@@ -238,8 +238,8 @@ class Scope(FrozenStruct):
         if not abs(length - 1.0) <= UNIT:
             unit = ", ".join(f"{part / length:.6g}" for part in (w, x, y, z)) if 0.0 < length < numeric.inf else "1, 0, 0, 0"
             self.error(
-                Code.OUT_OF_RANGE, f"`quat` must be a unit quaternion w, x, y, z, found one of length {length:.6g}", place,
-                help=f"write `[{unit}]`" + (", the identity" if length == 0.0 else ""),
+                Code.OUT_OF_RANGE, f"`quat` must have length 1, found {length:.6g}", place,
+                help=f"write `[{unit}]`",
             )
             return None
         return rotation_of((w, x, y, z))
@@ -248,7 +248,7 @@ class Scope(FrozenStruct):
         """Format a value for messages: the source text in backticks and, for an expression, its result."""
         result = format_value(value)
         text = (self.source_text(path) or result).strip()
-        return f"`{shorten(text)}`, which is {result}" if text.startswith("=") and text[1:].strip() != result else f"`{shorten(text)}`"
+        return f"`{shorten(text)}` ({result})" if text.startswith("=") and text[1:].strip() != result else f"`{shorten(text)}`"
 
     def wrong_dimension(
         self, value: ExpressionValue, expected: tuple[Dimension, ...], subject: str, path: Path, notes: Iterable[Note] = (),
@@ -272,7 +272,7 @@ def dimension_message(
     text = shorten((source if source is not None else format_value(value)).strip())
     help: Hint | None = expression_hint(value, names) if isinstance(value, str) else None
     if isinstance(value, str) and help is not None and text.startswith("="):
-        help = f"`{shorten(value)}` is a string; if you mean an expression, write `={shorten(value)}`"
+        help = f"write `={shorten(value)}` for an expression"
     if isinstance(value, Quantity) and value.dimension == NUMBER and not text.startswith("="):
         unit = suggested_units(expected[0], text)[0]
         help = f"write `{text} {unit}`" if unit else None

@@ -89,7 +89,7 @@ class _Reader:
         named = references.component(self.table, self.scope, text, place)
         if named is not None and named[1].table is not None:
             self.scope.error(
-                Code.REFERENCE, f"`{text}` is an assembly: the touch sensor `{self.name}` must be on one link", place,
+                Code.REFERENCE, f"the touch sensor `{self.name}` cannot be on the assembly `{text}`", place,
                 help="use a component of the assembly, for example `hand.finger`",
             )
             named = None
@@ -113,7 +113,7 @@ class _Reader:
         of_readings = isinstance(written, Mapping)
         if not of_readings and len(able) > 1:
             self.scope.error(
-                Code.BROKEN_RULE, f"a sensor of type `{self.spec.type}` measures several quantities: `{key}` must specify which one", place,
+                Code.BROKEN_RULE, f"`{key}` of a sensor of type `{self.spec.type}` must specify the quantity", place,
                 help=f"write, for example, `{key}: {{{next(iter(able))}: ...}}`",
             )
             return {}
@@ -123,7 +123,7 @@ class _Reader:
             if name in able:
                 numbers[name] = self.scope.number(raw, at, able[name], f"`{key}` of sensor `{self.name}`", above=0.0)
             else:
-                message = f"`{key}` contains `{name}`, which a sensor of type `{self.spec.type}` does not measure"
+                message = f"a sensor of type `{self.spec.type}` does not measure `{name}`"
                 self.scope.error(Code.BROKEN_RULE, message, at, key=True, help=did_you_mean(name, able, what="readings"))
         return {name: number for name, number in numbers.items() if number is not None}
 
@@ -179,17 +179,17 @@ class _Reader:
         help: Hint
         if ball is not None and self.spec.type == "joint":
             code, help = Code.JOINT_FIELD, "use a joint with one coordinate, or an `imu` on its child"
-            message = f"joint `{name.joint}` is {ball.kind.words}: it has no single coordinate to measure"
+            message = f"joint `{name.joint}` is {ball.kind.words} and has no single coordinate"
         elif name not in joints:
             if table.may_lack_joints():
                 return None
             moving = [other for other, joint in joints.items() if joint is not None and joint.twist is not None]
             code, message, help = Code.UNKNOWN_JOINT, f"there is no joint `{name}`", suggest(name, moving, what="joints")
             if unnamed and moving:
-                help = f"{help}; set `joint: ...`"
+                help = f"set `joint`; {help}"
         elif (joint := joints[name]) is not None and joint.twist is None:
-            code, help = Code.JOINT_FIELD, "use a joint that moves, or a `force` sensor at one of its mounts"
-            message = f"joint `{name}` is {joint.kind.words} and does not move: there is nothing to measure"
+            code, help = Code.JOINT_FIELD, "use a moving joint, or a `force` sensor at one of its mounts"
+            message = f"a sensor cannot measure joint `{name}`, which is {joint.kind.words}"
         else:
             return joint
         scope.error(code, message, place, key=unnamed, help=help)

@@ -30,9 +30,9 @@ from thingc.documents.spec.validation import validate_one
 from thingc.model.resolve.document_scope import ResolveRun
 
 FIXED = {
-    "thingc": "it specifies the kind of the document",
-    "name": "the name of a robot is fixed",
-    "parameters": "set a parameter by its name: `-p 'NAME=VALUE'`, or `NAME: ...` in a variants document",
+    "thingc": "change the key in the document",
+    "name": "change the name in the document",
+    "parameters": "set the parameter with `-p 'NAME=VALUE'`, or with `NAME: ...` in a variants document",
 }
 """Keys of an assembly that the option `--set` cannot set, each with the reason."""
 
@@ -124,13 +124,13 @@ def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, fr
     for depth, key in enumerate(keys):
         here = from_top(".".join(keys[:depth]))
         if isinstance(node, ScalarNode):
-            return PathNotFound(f"`{here}` is `{shorten(node.text)}` and has no keys", f"set `{here}`")
+            return PathNotFound(f"the value `{shorten(node.text)}` of `{here}` has no keys", f"set `{here}`")
         branches = alternatives(shape)
         if isinstance(node, SequenceNode):
             if (index := node.index(key)) is None:
                 last = len(node.items) - 1
                 help = f"use an index, from `{here}.0` to `{here}.{last}`" if last >= 0 else f"set `{here}` as a whole"
-                return PathNotFound(f"`{here}` is a list of {last + 1} items and has no item `{shorten(key)}`", help)
+                return PathNotFound(f"the list `{here}` has no item `{shorten(key)}`", help)
             listed = next((branch for branch in branches if branch.kind == "list"), None)
             node, shape = node.items[index], shape if listed is None else shape_of(listed.members[0])
             continue
@@ -149,7 +149,7 @@ def _astray(document: Document, tree: Node, keys: tuple[str, ...], text: str, fr
             keys_here = [key for one in branches if one.model is not None for key in model_keys(one.model)]
             return _no_such(document, keys, depth, keys_here, from_top)
         else:
-            return PathNotFound(f"`{here}` is a value and has no keys", f"set `{here}`")
+            return PathNotFound(f"the value of `{here}` has no keys", f"set `{here}`")
         node = node.entries.get(key) if isinstance(node, MappingNode) else None
     return None if is_flow(text) else _incomplete_path_error(from_top(".".join(keys)), shape, node)
 
@@ -182,4 +182,4 @@ def _incomplete_path_error(path: str, shape: FieldType, node: Node | None) -> Pa
     inside += entries_of(node)
     named = [f"`{path}.{key}`" for key in dict.fromkeys(inside[:6])]
     help = f"set one of {', '.join(named)}, or the whole mapping: `{path}={{...}}`" if named else f"set the whole mapping: `{path}={{...}}`"
-    return PathNotFound(f"`{path}` is not a value but a mapping", help)
+    return PathNotFound(f"expected the path of a value, found the mapping `{path}`", help)

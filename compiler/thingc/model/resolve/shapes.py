@@ -85,8 +85,8 @@ def _mesh(context: ResolveRun, scope: Scope, spec: ContactShapeSpec, path: Path)
         stat = os.stat(absolute)
         if stat.st_size > LARGEST:
             scope.error(
-                Code.TOO_LARGE, f"`{shorten(spec.mesh or '')}` is {stat.st_size // 1_000_000} MB, but mesh files may have at most "
-                f"{LARGEST // 1_000_000} MB", (*path, "mesh"), help="simplify the mesh to a few tens of thousands of triangles",
+                Code.TOO_LARGE, f"`{shorten(spec.mesh or '')}` has {stat.st_size // 1_000_000} MB (at most {LARGEST // 1_000_000} MB "
+                "are allowed)", (*path, "mesh"), help="simplify the mesh to a few tens of thousands of triangles",
             )
             return None
         library_files = tuple(os.path.join(os.path.dirname(absolute), name) for name in libraries(absolute))
@@ -119,7 +119,7 @@ def _scale(scope: Scope, spec: ContactShapeSpec, path: Path) -> Vector | None:
     if x is None or y is None or z is None:
         return None
     if not x * y * z:
-        scope.error(Code.OUT_OF_RANGE, "a factor of `scale` is 0", at, help="write, for example, `scale: [1, 1, -1]`")
+        scope.error(Code.OUT_OF_RANGE, "a factor of `scale` must not be 0", at, help="write, for example, `scale: [1, 1, -1]`")
         return None
     has_unit = spec.mesh is not None and spec.mesh.lower().endswith(SUFFIXES_WITH_UNIT)
     unit = 1.0 if has_unit else parse_quantity(f"1 {spec.unit or FILE_UNIT}").value

@@ -68,8 +68,8 @@ def _sound(scope: Scope, name: str, steps: Sequence[PathStep], path: Path) -> bo
             fault = f"tendon `{name}` wraps around a shape that is not between two mounts"
             help = "add mounts to the path directly before and after the shape"
         elif kind == "mount" and before == after == "pulley":
-            fault = f"tendon `{name}` has only one mount here"
-            help = "add a mount: a path, and each section between two pulleys, needs at least two mounts"
+            fault = f"a section of tendon `{name}` has only one mount"
+            help = "add a second mount to the section"
         elif kind == "pulley" and (number == 0 or after == "pulley"):
             fault, help = f"a pulley of tendon `{name}` has no path before or after it", "remove the pulley"
         else:
@@ -111,10 +111,9 @@ def moving_joint(table: DocumentScope, scope: Scope, text: str, place: Path, can
             )
         return None
     if joint.twist is None or joint.kind.at_once:
-        why = "does not move" if joint.twist is None else "has no single coordinate"
         scope.error(
-            Code.JOINT_FIELD, f"{cannot} `{text}`, which is {joint.kind.words} and {why}", place, key=key,
-            notes=joint.definition_note(text), help="use a joint that rotates about one axis, or slides along one axis",
+            Code.JOINT_FIELD, f"{cannot} joint `{text}`, which is {joint.kind.words}", place, key=key,
+            notes=joint.definition_note(text), help="use a revolute, continuous or prismatic joint",
         )
         return None
     return joint
@@ -147,7 +146,8 @@ def _tendon(
         scope.number(*layers.sub("limit").pick(key), coordinate, f"`limit.{key}` of {owner}", least=least) for key in ("lower", "upper")
     )
     if lower is not None and upper is not None and not lower < upper:
-        scope.error(Code.LIMIT, f"limits of tendon `{name}`: expected lower < upper", (*path, "limit", "lower"), help="swap the limits")
+        message = f"expected lower < upper in the limits of tendon `{name}`"
+        scope.error(Code.LIMIT, message, (*path, "limit", "lower"), help="swap the limits")
         lower = upper = None
     drive = None
     if spec.drive is not None:

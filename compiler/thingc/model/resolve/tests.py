@@ -130,7 +130,7 @@ class Reader:
         low, high = (self.number(value, (*key, index), dimension, subject) for index, value in enumerate(values))
         if low > high:
             self.error(
-                Code.OUT_OF_RANGE, f"{subject}: expected the smallest value first, found {Quantity(low, dimension)} before "
+                Code.OUT_OF_RANGE, f"{subject} must begin with the smallest value, found {Quantity(low, dimension)} before "
                 f"{Quantity(high, dimension)}", key, help="swap the two values",
             )
         return low, high
@@ -248,7 +248,7 @@ class Reader:
             elif not (joint.kind.at_once and name.number and name.with_number(0) in chosen):  # report a ball joint or free joint once
                 reason = f"is {joint.kind.words}" if joint.mimic is None else f"mimics `{joint.mimic.joint}`"
                 self.error(
-                    Code.TEST, f"joint `{name.joint if joint.kind.at_once else name}` {reason}: it cannot be moved through a range",
+                    Code.TEST, f"joint `{name.joint if joint.kind.at_once else name}` {reason} and cannot be moved through a range",
                     chosen[name][1], on_key=True,
                     help="remove the joint from `joints`" if joint.mimic is None else f"move `{joint.mimic.joint}`",
                 )
@@ -263,14 +263,14 @@ class Reader:
         low = joint.limit.lower if joint.limit.lower is not None else -endless
         high = joint.limit.upper if joint.limit.upper is not None else endless
         if specification == ALL and numeric.isinf(high - low):
-            self.error(Code.TEST, f"joint `{name}` slides without limits, so it cannot have the range `all`", key,
-                       help="write a range such as `[-20 mm, 20 mm]`, or give the joint a `limit`")
+            self.error(Code.TEST, f"the range `all` requires limits of joint `{name}`", key,
+                       help="write a range such as `[-20 mm, 20 mm]`, or add `limit` to the joint")
         if specification != ALL and twist is not None:
             first, last = self.interval(specification, key, twist.coordinate, f"the range of joint `{name}`")
             if joint.kind.may_stop and (first < low - 1e-9 or last > high + 1e-9):
                 ends = " to ".join(twist.format(end) if numeric.isfinite(end) else "unlimited" for end in (low, high))
                 self.error(
-                    Code.OUT_OF_RANGE, f"the range of joint `{name}` exceeds its limits {ends}", key,
+                    Code.OUT_OF_RANGE, f"the range of joint `{name}` exceeds its limits ({ends})", key,
                     help="write `all` for the whole range",
                 )
             low, high = first, last

@@ -72,8 +72,8 @@ class _Reader:
             return
         ratio, motor = self.factor(self.spec.ratio, place, joint, None, f"`ratio` of {self.what}")
         if ratio == 0.0:
-            self.fault(f"`ratio` of {self.what} is 0: the actuator would not move the joint", place,
-                       "write the revolutions of the actuator per revolution of the joint, such as `ratio: 9`")
+            self.fault(f"`ratio` of {self.what} must not be 0", place,
+                       "write the turns of the actuator per turn of the joint, such as `ratio: 9`")
         drive = self.drive(self.spec.actuator, (*self.path, "actuator"), motor or ANGLE, ratio or 1.0)
         if joint.twist is not None and drive is not None and drive.gear is not None:
             what, coordinate = f"`backlash` of {self.what}", joint.twist.coordinate
@@ -101,7 +101,7 @@ class _Reader:
         if all(len(row) == len(joints) for row in rows):
             least = math.prod((maximum(map(abs, row)) for row in rows), start=SINGULAR)
             if not abs(_determinant(rows)) > least:
-                self.fault(f"the `matrix` of {self.what} is singular: the actuators cannot move all joints independently",
+                self.fault(f"the `matrix` of {self.what} is singular",
                            (*path, "matrix"), "write linearly independent rows, for example `[[1, 1], [1, -1]]`")
 
     def row(self, raw: Sequence[Any], joints: Sequence[Joint], path: Path) -> tuple[list[float], Dimension]:
@@ -120,7 +120,7 @@ class _Reader:
         if not factor or 1.0 / LARGEST_RATIO <= abs(factor) <= LARGEST_RATIO:
             return factor, motor
         bounds = f"between {1.0 / LARGEST_RATIO:g} and {LARGEST_RATIO:g} in SI units"
-        self.scope.error(Code.OUT_OF_RANGE, f"the size of {what} must be {bounds}, found {factor:g}", place)
+        self.scope.error(Code.OUT_OF_RANGE, f"the absolute value of {what} must be {bounds}, found {factor:g}", place)
         return None, motor
 
     def joint(self, text: str, place: Path) -> Joint | None:
@@ -133,7 +133,7 @@ class _Reader:
         """Return the drive of an actuator, with the values of the transmission."""
         if isinstance(spec, DriveSpec) and spec.axis is not None:
             self.scope.error(Code.JOINT_FIELD, f"the actuator of {self.what} cannot have an `axis`", (*place, "axis"), key=True,
-                             help="remove `axis`: the actuator acts along the coordinate of the joint")
+                             help="remove `axis`")
         drive = drive_of(self.table, self.scope, self.what, motor, LayeredValue(spec, place))
         named = None if drive is None else drive.component
         if named is not None and not self.once(("actuator", *named.path), f"actuator `{named.text}`", place, "the actuator"):
@@ -151,12 +151,12 @@ class _Reader:
         user, where = self.used.setdefault(key, (self.what, place))
         if where == place and user == self.what:
             return True
-        notes = self.scope.second_note("it is also used here", where, place)
+        notes = self.scope.second_note("also used here", where, place)
         if where[-1] == "drive" and key[0] == "joint":
             help = f"remove the `drive` of {what}, or {self.what}"
-            self.fault(f"{what} has a `drive`, but {self.what} also drives it", place, help, notes)
+            self.fault(f"{what} has both a `drive` and {self.what}", place, help, notes)
         else:
-            both = f"twice by {self.what}" if user == self.what else f"by {user} and by {self.what}"
+            both = f"twice by {self.what}" if user == self.what else f"by both {user} and {self.what}"
             self.fault(f"{what} is used {both}", place, f"use {short} only once", notes)
         return False
 

@@ -57,7 +57,7 @@ def _with_height(assembly: Assembly, mode: LinkedMode, mesh_vertices: MeshVertic
     if start is None:
         if all(occurrence.exact for occurrence in assembly.occurrences):
             report.add(
-                Code.NOTHING_TOUCHES, f"mode `{mode.name}` has `on: floor`, but no part of `{assembly.name}` can touch the floor",
+                Code.NOTHING_TOUCHES, f"no part can touch the floor in mode `{mode.name}` (`on: floor`)",
                 mode.origin, path=mode.name, help="set `collision` of a part to a value other than `none`, or write `at: {xyz: ...}`",
             )
         return mode

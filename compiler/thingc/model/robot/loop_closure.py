@@ -56,8 +56,8 @@ def closures_of(
         link = assembly.link_of[choice.occurrence]
         if body_of[link] == 0 and stays(mode.base):
             report.add(
-                Code.HOLD, f"mode `{mode.name}` holds `{choice.path}`, which does not move: "
-                f"it is on the root `{assembly.links[link].name}`", hold.origin, path=choice.path,
+                Code.HOLD, f"`{choice.path}` under `hold` of mode `{mode.name}` is on the root link "
+                f"`{assembly.links[link].name}`", hold.origin, path=choice.path,
                 help="list a mount of another link under `hold`, or remove the mount",
                 notes=[Note(message=f"`{assembly.links[link].name}` is defined here", span=assembly.links[link].origin[0])],
             )
@@ -86,16 +86,16 @@ def _check_cuts(assembly: Assembly, mode: LinkedMode, tree_mates: Collection[int
         help: Hint
         if fixed is not None:
             reason = f"whose loop is already cut at the fixed joint `{fixed.loop}`"
-            help = "remove the joint from `cut`: thingc cuts a loop with a fixed joint at the fixed joint"
+            help = "remove the joint from `cut`"
             notes = [Note(message=f"`{fixed.loop}` is defined here", span=fixed.origin[0])]
         elif closed:
             other = next(other for other in mode.cut if other.joint == closed[0].name)
-            reason, help = f"whose loop is already cut at `{other.joint}`", "remove one of the two joints from `cut`: each loop is cut once"
+            reason, help = f"whose loop is already cut at `{other.joint}`", "remove one of the two joints from `cut`"
             notes = [Note(message=f"`{other.joint}` is cut here", span=other.origin[0])]
         else:
             on_loops = [name for name, number in joints.items() if number not in tree_mates or closing(assembly, tree_mates, number)]
             reason = "which is not in a loop"
-            help = did_you_mean(cut.joint, on_loops, what="joints in loops") if on_loops else "remove `cut`: the mode has no loops"
+            help = did_you_mean(cut.joint, on_loops, what="joints in loops") if on_loops else "remove `cut`"
         report.add(Code.CUT, f"mode `{mode.name}` cuts joint `{cut.joint}`, {reason}", cut.origin, path=cut.joint, help=help, notes=notes)
     return not rejected
 
@@ -227,9 +227,9 @@ def _report(
         )
     far = residual_words(residual)
     if closure.hold:
-        message = f"mode `{mode.name}` cannot hold `{closure.path}` in place{place}: the smallest error found is {far}"
+        message = f"the held mount `{closure.path}` moves in mode `{mode.name}`{place} (smallest error: {far})"
     else:
-        message = f"the loop through joint `{closure.path}` does not close{place}: the smallest error found is {far}"
+        message = f"the loop through joint `{closure.path}` does not close{place} (smallest error: {far})"
     report.add(Code.UNCLOSED, message, closure.origin, path=closure.path, help=help)
 
 

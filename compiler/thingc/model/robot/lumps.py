@@ -112,14 +112,14 @@ def _check_records(
         if record is None or isinstance(record, PartRecord) and not record.exact:
             record = locked.describe([part.reference]).get(part.reference)
         if record is None or isinstance(record, PartSchema):
-            message = f"`{LOCK_FILE}` does not contain its parameters or its process"
+            message = f"`{LOCK_FILE}` does not contain the parameters or the process"
             record = PartFailure(subject=part.reference, kind="unlocked", message=message)
         if isinstance(record, PartFailure):
             failures[part.label] = record
     if failures:
         code, _, help = FAILURES[next(iter(failures.values())).kind]
         notes = [Note(message=f"`{label}`: {failure.message}") for label, failure in failures.items()]
-        message = f"`{component.name}` is a lump, but `{LOCK_FILE}` is out of date for {format_count(len(failures), 'part')}"
+        message = f"`{LOCK_FILE}` is out of date for {format_count(len(failures), 'part')} of the lump `{component.name}`"
         report.add(code, message, component.origin, help=f"{help}; or remove `as: lump`", notes=first_notes(notes, _SHOWN, "more part"))
     return not failures
 

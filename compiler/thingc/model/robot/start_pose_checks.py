@@ -94,13 +94,13 @@ def _warn_below(group: Sequence[Robot], part: Occurrence, depth: float, bound: b
     depth_text = Quantity(float(f"{depth:.3g}"), LENGTH)
     raised = Quantity(float(f"{height + math.ceil(1e4 * depth) / 1e4:.6g}"), LENGTH)
     collides = any(one.collides for one in robot.assembly.occurrences)
-    help = f"write, for example, `at: {{xyz: 0 0 {raised}}}`{', or put the robot on the floor: `at: {on: floor}`' if collides else ''}"
+    help = f"write, for example, `at: {{xyz: 0 0 {raised}}}`{', or `at: {on: floor}`' if collides else ''}"
     if height == 0.0 and mode.origin and collides:
         typed = shlex.join(["thingc", "set", shown_path(mode.origin[0].file), f"modes.{mode.name}.at.on=floor"])
-        help = f"run `{typed}` to put the robot on the floor, or write, for example, `at: {{xyz: 0 0 {raised}}}`"
+        help = f"run `{typed}`, or write, for example, `at: {{xyz: 0 0 {raised}}}`"
     if height < 0.0:
-        help = f"check the sign of the height in `at`, which is {Quantity(height, LENGTH)}"
-    message = f"starts below the plane z = 0 of the scene: the depth of `{part.path}` is {'at least ' if bound else ''}{depth_text}"
+        help = f"check the sign of the height in `at` ({Quantity(height, LENGTH)})"
+    message = f"starts with `{part.path}` {'at least ' if bound else ''}{depth_text} below the floor (z = 0)"
     _warn(group, Code.START_BELOW, message, part.path, part.origin, report, help=help)
 
 
@@ -110,9 +110,8 @@ def _check_feet(robots: Sequence[Robot], report: Report) -> None:
         mode, part = group[0].mode, group[0].assembly.occurrences[number]
         feet = ", ".join(f"`{foot.mount.path}`" for foot in mode.feet[:3]) + (" and others" if len(mode.feet) > 3 else "")
         _warn(
-            group, Code.OFF_FEET, f"stands on {feet}, but `{part.path}` is at least {Quantity(float(f'{depth:.3g}'), LENGTH)} lower "
-            + (f"in pose `{mode.pose}`" if mode.pose is not None else "with all joints at 0"), part.path, part.origin, report,
-            help="start in a pose in which the feet are the lowest parts, or correct the mounts of the legs",
+            group, Code.OFF_FEET, f"starts with `{part.path}` at least {Quantity(float(f'{depth:.3g}'), LENGTH)} below the feet ({feet})",
+            part.path, part.origin, report, help="start in a pose in which the feet are the lowest parts",
         )
 
 
@@ -144,9 +143,9 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
         first, *more = (joint for body in group[0].bodies for joint in body.joints if joint.path in paths)
         ends = [first.twist.format(end) for end in (first.limit.lower, first.limit.upper) if end is not None]
         _warn(
-            group, Code.START_LIMITS, f"starts without a pose, which puts `{first.path}` at 0, outside its limits {' to '.join(ends)}",
+            group, Code.START_LIMITS, f"starts with `{first.path}` at 0, outside its limits ({' to '.join(ends)})",
             first.path, first.origin, report, more=[joint.path for joint in more[:3]],
-            help=f"add a `pose` to the mode, with a value for `{first.name}`",
+            help=f"add a `pose` with a value for `{first.name}` to the mode",
         )
 
 
@@ -174,12 +173,12 @@ def _check_poses(robots: Sequence[Robot], report: Report) -> None:
             continue
         path, *more = sorted(moved, key=lambda path: -abs(moved[path]))
         old, new = (joints[path].twist.format(value) for value in (pose.values[path], pose.values[path] + moved[path]))
-        lost = ", a difference that is too large for a keyframe" if isinstance(frames[pose.name], Unclosed) else ""
-        others = f" ({format_count(len(more), 'other value')} of the pose must also change)" if more else ""
+        notes = [Note(message="the difference is too large for a keyframe")] if isinstance(frames[pose.name], Unclosed) else []
+        notes += [Note(message=f"{format_count(len(more), 'other value')} of the pose must also change")] if more else []
         report.warn(
-            Code.POSE_MOVED, f"pose `{pose.name}` sets `{path}` to {old}, but the loops of the robot close only at {new}{lost}{others}",
-            pose.origins[path], path=pose.name,
-            help=f"write `{joints[path].name}: {new}`, or remove joints from the pose, so that thingc can move them", allow=True,
+            Code.POSE_MOVED, f"the value of `{path}` in pose `{pose.name}` ({old}) does not close the loops (expected {new})",
+            pose.origins[path], path=pose.name, notes=notes, allow=True,
+            help=f"write `{joints[path].name}: {new}`, or remove joints from the pose",
         )
 
 

@@ -144,8 +144,7 @@ def _warn(assembly: Assembly, pair: PartPair, shared: float, report: Report) -> 
     twice = pair.one.definition == pair.other.definition
     help = "remove one of the two parts" if twice and share >= 50.0 else "move one of the two parts, or cut a clearance into the other part"
     return report.warn(
-        Code.OVERLAP, f"`{pair.other.path}` and `{pair.one.path}`{f', two copies of `{larger.definition.label}`,' if twice else ''} "
-        f"overlap: {share:g} % of `{smaller.path}` ({_cubic(shared)}) is inside `{larger.path}`",
+        Code.OVERLAP, f"`{smaller.path}` overlaps `{larger.path}` by {_cubic(shared)} ({share:g} % of its volume)",
         pair.other.origin, path=pair.other.path, help=help, allow=True,
         notes=contact_places(assembly, pair.one, pair.other),
     )

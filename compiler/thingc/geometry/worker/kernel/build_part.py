@@ -233,7 +233,7 @@ def _shapes(geometry: Any, name: str) -> tuple[Any, ...]:
     try:
         shapes = inspection.shapes_of(geometry)
     except TypeError as fault:
-        raise NoPart("invalid", f"{name}() must return a build123d shape, several, or None: {fault}") from None
+        raise NoPart("invalid", f"{fault} in {name}()") from None
     for shape in shapes:
         if kernel_shape(shape) is None:
             raise NoPart("empty", f"{name}() returned an empty {type(shape).__name__}")
@@ -278,7 +278,7 @@ def _color(declared: str | None, of_shapes: set[str]) -> tuple[str | None, tuple
             return None, (PartWarning(message=f"`{declared}` is not a colour: use a CSS colour name or `#rrggbb`"),)
     if len(of_shapes) > 1:
         names = ", ".join(f"`{color}`" for color in sorted(of_shapes))
-        return None, (PartWarning(message=f"the solids have {len(of_shapes)} colours, {names}: the part gets the colour of its material"),)
+        return None, (PartWarning(message=f"expected one colour, found {names}: the material determines the colour"),)
     return next(iter(of_shapes), None), ()
 
 
@@ -287,7 +287,7 @@ def _measure(built: BuiltPart, tessellations: Tessellations, store: Store) -> Pa
     solid = solid_part(built)
     measures = measure(solid)
     if not measures.volume > NOTHING:
-        raise NoPart("empty", f"its volume is {measures.volume:.3g} mm^3")
+        raise NoPart("empty", f"found {measures.volume:.3g} mm^3")
     brep = store.put(written_brep(solid))  # written before meshing, which would add triangles to the shape
     solids = _meshes(solid, tessellations.fine)
     mesh = meshing.together(solids)
@@ -312,7 +312,7 @@ def _measure(built: BuiltPart, tessellations: Tessellations, store: Store) -> Pa
     meshes["print"] = _store_mesh(printed, meshing.stl(printed), store)
     meshes["slicing"] = _store_mesh(double, meshing.double(double), store)
     if not meshes["print"].closed:
-        part_warnings = (*part_warnings, PartWarning(message="the mesh of the part is not closed: the CAD kernel left gaps between faces"))
+        part_warnings = (*part_warnings, PartWarning(message="the mesh of the part has gaps between faces"))
     inertia = convert.unit_inertia(measures.inertia)
     return replace(
         built.record, volume=convert.volume(measures.volume), area=convert.area(measures.area), centre=convert.vector(measures.centre),
@@ -349,8 +349,8 @@ def _deviation_warning(mesh: meshing.Triangles, fewer: meshing.Triangles) -> tup
     away, size = deviation(mesh, fewer), float(np.ptp(mesh.vertices, axis=0).max())
     if away <= DEVIATION * size:
         return ()
-    off = f"up to {away * convert.MM:.2g} mm away from the surface of the part ({100.0 * away / size:.2g} % of the size)"
-    return (PartWarning(message=f"the simulation mesh of {len(fewer.faces)} triangles is {off}; increase `faces`"),)
+    mesh_text = f"the simulation mesh ({len(fewer.faces)} triangles)"
+    return (PartWarning(message=f"{mesh_text} deviates from the part by up to {away * convert.MM:.2g} mm; increase `faces`"),)
 
 
 def _overlap_warning(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWarning, ...]:
@@ -361,9 +361,8 @@ def _overlap_warning(solids: Sequence[meshing.Triangles], *, file: bool) -> tupl
     common, total = meshing.counted_twice(solids) if len(solids) > 1 else 0.0, math.fsum(mesh.volume for mesh in solids)
     if common <= max(OVERLAP * total, 1.0):
         return ()
-    shared, all_of_it = (f"{float(f'{volume:.4g}'):g}" for volume in (common, total))  # 1000, not 1e+03
-    twice = f"its {len(solids)} solids overlap: {shared} of {all_of_it} mm^3 are counted twice in volume and mass"
-    return (PartWarning(message=f"{twice}; {'unite the solids in the CAD program' if file else 'fuse the solids (`a + b`)'}"),)
+    overlap = f"the {len(solids)} solids overlap by {float(f'{common:.4g}'):g} mm^3"  # 1000, not 1e+03
+    return (PartWarning(message=f"{overlap}; {'unite the solids in the CAD program' if file else 'fuse the solids (`a + b`)'}"),)
 
 
 def solid_part(built: BuiltPart) -> TopoDS_Shape:
@@ -375,7 +374,7 @@ def solid_part(built: BuiltPart) -> TopoDS_Shape:
     """
     solids = [at_origin(solid) for shape in built.shapes for solid in solids_of(shape)]
     if not solids:
-        raise NoPart("empty", f"{'it' if built.file else 'result()'} contains no solid, {_content_text(built.shapes)}")
+        raise NoPart("empty", f"{'the file' if built.file else 'result()'} contains {_content_text(built.shapes)}")
     return compound_of(solids)
 
 
@@ -384,7 +383,7 @@ def _content_text(shapes: Sequence[TopoDS_Shape]) -> str:
     kinds = {"faces": TopAbs_FACE, "edges": TopAbs_EDGE, "points": TopAbs_VERTEX}
     return next(
         (f"only {name}" for name, kind in kinds.items() if any(True for shape in shapes for _ in subshapes(shape, kind))),
-        "and nothing else",
+        "no geometry",
     )
 
 
@@ -409,7 +408,7 @@ def _meshes(shape: TopoDS_Shape, tessellation: Tessellation) -> list[meshing.Tri
 def _visual(shapes: Sequence[TopoDS_Shape], tessellation: Tessellation) -> meshing.Triangles:
     mesh = meshing.together([_triangles(shape, tessellation) for shape in shapes])
     if len(mesh.faces) == 0:
-        raise NoPart("invalid", "visual() returned nothing visible: expected faces or solids")
+        raise NoPart("invalid", "visual() must return faces or solids")
     return mesh
 
 
@@ -419,7 +418,7 @@ def _pieces(
     """Return the convex shapes that replace the solids of `collision()`, and warnings about solids that are not convex."""
     solids = [solid for shape in shapes for solid in solids_of(shape)]
     if shapes and not solids:
-        raise NoPart("invalid", "collision() returned no solid: expected convex solids")
+        raise NoPart("invalid", "collision() must return convex solids")
     pieces: list[Mesh | Primitive] = []
     hull_warnings: list[PartWarning] = []
     for number, solid in enumerate(solids, start=1):
@@ -431,8 +430,7 @@ def _pieces(
         hull = meshing.hull(mesh.vertices) or mesh
         outside = hull.volume - abs(mesh.volume)
         if outside > NOT_CONVEX * hull.volume:
-            share = f"{outside / hull.volume:.1%} of its convex hull, which replaces it, is outside of the solid"
-            message = f"solid {number} of the {len(solids)} of collision() is not convex: {share}; divide it into convex solids"
+            message = f"solid {number} of collision() is not convex ({outside / hull.volume:.1%} of its hull is empty); use convex solids"
             hull_warnings.append(PartWarning(message=message))
         pieces.append(stored_obj(hull, store))
     return tuple(pieces), hull_warnings

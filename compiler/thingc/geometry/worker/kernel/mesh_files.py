@@ -72,7 +72,7 @@ def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str
         raise BadPartFile("the file contains no triangles")
     farthest = float(np.abs(mesh.vertices).max())
     if farthest > FARTHEST:
-        raise BadPartFile(f"a coordinate is {farthest:.3g} mm, which is too large for a part")
+        raise BadPartFile(f"a coordinate is too large ({farthest:.3g} mm)")
     unique, removed = _remove_duplicates(mesh)
     closed, repairs = _close(unique)
     return closed, (*removed, *repairs)
@@ -127,7 +127,7 @@ def _remove_duplicates(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
     _, first = np.unique(np.sort(mesh.faces, axis=1), axis=0, return_index=True)
     if 2 * len(first) == len(mesh.faces):
         mesh = Triangles(mesh.vertices, mesh.faces[np.sort(first)])
-        repairs.append(f"removed triangles that are equal but face the other way: {len(first)}")
+        repairs.append(f"opposite triangles removed: {len(first)}")
     return mesh, tuple(repairs)
 
 
@@ -162,9 +162,9 @@ def _close(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
         mesh = from_trimesh(copy)
         repairs += [f"triangles added to fill holes: {added}"] if added else []
     if remaining := open_edges(mesh):
-        after_repair = "" if remaining == first else f" ({remaining} after repair by trimesh)"
-        raise BadPartFile(f"its surface is not closed: {first} edges belong to only one triangle{after_repair}, so it has no volume")
-    return mesh, (f"its surface was not closed and was repaired ({', '.join(repairs)})",)
+        after_repair = "" if remaining == first else f", {remaining} after repair by trimesh"
+        raise BadPartFile(f"the surface is not closed ({first} edges belong to only one triangle{after_repair})")
+    return mesh, (f"repaired the open surface ({', '.join(repairs)})",)
 
 
 def open_edges(mesh: Triangles) -> int:

@@ -46,7 +46,7 @@ def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], set[str], tup
 
 def unusable(fault: BaseException) -> BadPartFile:
     """Create the error for a part file that the CAD kernel cannot process, although it could read the file."""
-    reason = BadPartFile("the file is damaged, or contains a shape that the CAD kernel cannot use")
+    reason = BadPartFile("the file contains an invalid shape")
     reason.__cause__ = fault
     return reason
 
@@ -66,7 +66,7 @@ def _from_step(path: str) -> tuple[list[TopoDS_Shape], set[str]]:
     try:
         imported = import_step(path)
     except Exception as fault:
-        raise BadPartFile("the file is damaged, or is not STEP") from fault
+        raise BadPartFile("the file is not a valid STEP file") from fault
     shape = kernel_shape(imported)
     if shape is None:
         raise BadPartFile("the STEP file contains no shape")
@@ -79,11 +79,11 @@ def _from_brep(path: str) -> TopoDS_Shape:
     with open(path, "rb") as stream:
         stream.seek(max(0, os.path.getsize(path) - 100))
         if re.search(rb"[+-]\d+ \d+\s*$", stream.read(100)) is None:  # the last line; the kernel hangs if it is missing
-            raise BadPartFile("the file is truncated, or is not BREP")
+            raise BadPartFile("the file is not a complete BREP file")
     try:
         shape = kernel_shape(import_brep(path))
     except Exception as fault:
-        raise BadPartFile("the file is damaged, or is not BREP") from fault
+        raise BadPartFile("the file is not a valid BREP file") from fault
     if shape is None:
         raise BadPartFile("the BREP file contains no shape")
     return shape

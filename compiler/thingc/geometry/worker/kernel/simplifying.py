@@ -55,7 +55,7 @@ def simplify(mesh: Triangles, faces: int) -> Triangles:
     if len(fewer.faces) > faces or not _sound(fewer, is_manifold):
         fewer = _by_tolerance(solid, faces) if is_manifold else mesh
     if len(fewer.faces) > faces or not _sound(fewer, is_manifold):
-        raise NoPart("unbounded", f"its surface cannot be simplified to {faces} triangles without gaps")
+        raise NoPart("unbounded", f"{faces} triangles would leave gaps in the surface")
     return fewer.scale(1.0 / scale)
 
 

@@ -104,7 +104,7 @@ def slice_part(mesh: Triangles, slicing: Slicing) -> SliceResult:
     total = _integrate_layers(flat, heights, lengths.layer).sum(axis=0)
     solid, joins, sparse = (_moments(sums, turn) for sums in total)
     if not solid.volume > 0.0:
-        raise NotSliced("is thinner than one printed line")
+        raise NotSliced("thinner than one printed line")
     return SliceResult(solid=solid, joins=joins, sparse=sparse)
 
 
@@ -129,13 +129,13 @@ def _outlines(vertices: NDArray[np.float64], faces: NDArray[np.int64], layer: fl
     """
     solid = Manifold(Mesh64(vertices, np.ascontiguousarray(faces, dtype=np.uint64)))
     if solid.status() != Error.NoError or solid.is_empty():
-        raise NotSliced("has a mesh that is not closed")
+        raise NotSliced("the mesh is not closed")
     bed, top = float(vertices[:, 2].min()), float(vertices[:, 2].max())
     count = math.ceil((top - bed - _EXACT) / layer - 0.5)  # PrusaSlicer stops where the middle of a layer is above the part
     if count < 1:
-        raise NotSliced("is lower than one layer")
+        raise NotSliced("lower than one layer")
     if count > MOST_LAYERS:
-        raise NotSliced(f"would have {count} layers")
+        raise NotSliced(f"more than {MOST_LAYERS} layers")
     middles = np.asarray(bed + layer * (np.arange(count) + 0.5), dtype=np.float64)
     cuts = middles - _JUST_BELOW * layer
     known: dict[int, Region] = {}
@@ -182,7 +182,7 @@ class _Lengths:
         self.width = how.line_width * 1e3
         self.spacing = self.width - self.layer * (1.0 - math.pi / 4.0)
         if not self.spacing > 0.0:
-            raise NotSliced("has a layer height that is too large for its line width")
+            raise NotSliced("the layer height is too large for the line width")
         self.nozzle = self.width * NOZZLE
         self.strand = self.nozzle * math.sqrt(how.bridge_flow)
         section = math.pi / 4.0 * self.strand**2
