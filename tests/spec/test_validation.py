@@ -234,7 +234,7 @@ JOINT_KINDS = " or ".join(", ".join(f"`{name}`" for name in KINDS).rsplit(", ", 
     ("{type: fixed, parent: a.b, child: c.d, limit: {velocity: 50 Hz}}", Code.WRONG_DIMENSION,
      "expected an angular velocity or a velocity (such as 46 rpm or 0.5 m/s), found a frequency (`50 Hz`)", "50 Hz"),
     ("{type: fixed, parent: a.b, child: c.d, mimic: {joint: j, multiplier: 3 g}}", Code.WRONG_DIMENSION,
-     "expected a number or a length per angle or an angle per length (such as 2 or 10 mm/rad or 10 rad/m), "
+     "expected a number, a length per angle or an angle per length (such as 2, 10 mm/rad or 10 rad/m), "
      "found a mass (`3 g`)", "3 g"),
 ])
 def test_joint_faults_are_reported_once(tmp_path: Path, body: str, code: Code, message: str, written: str) -> None:

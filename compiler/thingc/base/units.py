@@ -392,24 +392,30 @@ def check_dimension(quantity: Quantity, expected: tuple[Dimension, ...], text: s
         if quantity.fits(dimension):
             return quantity
     found = shorten(text.strip())
-    required = " or ".join(dimension.words for dimension in expected)
+    required = _join_choices([dimension.words for dimension in expected])
     first = expected[0]
     if quantity.dimension == NUMBER and NUMBER not in expected:
         number_text = found if scan_number(found) == (found, len(found)) else f"{quantity.value:.6g}"
         choices = [unit for dimension in expected for unit in suggested_units(dimension, number_text)[: 2 if len(expected) == 1 else 1]]
-        advice = "write " + " or ".join(f"`{number_text} {unit}`" for unit in choices)
+        advice = "write " + _join_choices([f"`{number_text} {unit}`" for unit in choices])
         certain = len(expected) == 1 and number_text == text.strip() and quantity.value >= _SURELY.get(first, math.inf)
         raise UnitError(
             f"{required} needs a unit, found `{found}`", kind="unit",
             help=Suggestion(advice, (number_text, f"{number_text} {choices[0]}") if certain else None),
         )
-    example = first.example if len(expected) == 1 else " or ".join(dimension.example for dimension in expected)
+    example = _join_choices([dimension.example for dimension in expected])
     number, at = scan_number(text.strip()) or ("", 0)
     unit = meant_unit(text.strip()[at:], expected) if number else None
     raise UnitError(
         f"expected {required} (such as {example}), found {quantity.dimension.words} (`{found}`)", kind="dimension",
         help=f"write `{number} {unit}`" if unit else None,
     )
+
+
+def _join_choices(words: list[str]) -> str:
+    """Join words for a message: `a, b or c`."""
+    *first, last = words
+    return f"{', '.join(first)} or {last}" if first else last
 
 
 def suggested_units(dimension: Dimension, numbers: str) -> tuple[str, ...]:

@@ -94,7 +94,7 @@ def _joint_mates(tree: Tree, instance: Instance, coordinates: Sequence[Joint], m
             Code.PLACED_ON_ITSELF,
             f"joint `{joint.name.joint}` connects component `{joint.child.path[0]}` with itself (`{joint.parent.text}` and "
             f"`{joint.child.text}`)", joint.parent.origin + instance.origin, path=instance.within(joint.path),
-            help="use mounts of two different components", notes=make_notes("the child", joint.child.origin),
+            help="use mounts of two different components", notes=make_notes("the child is set here", joint.child.origin),
         )
         return
     edges = tuple(joint_edge(tree, instance, coordinate, coordinate.twist) for coordinate in coordinates if coordinate.twist is not None)

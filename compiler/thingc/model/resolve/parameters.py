@@ -260,7 +260,7 @@ def _check_own_bounds(scope: Scope, name: str, entry: ParameterSpec, bounds: dic
         isinstance(value, Quantity) and (bound.fits(value.dimension) or value.fits(bound.dimension)) for bound in values
     ) and values[0].fits(values[-1].dimension):
         message, help = dimension_message(value, (values[0].dimension,), f"the value of parameter `{name}`", scope.source_text(value_path))
-        note = Note(message="because its bound is", span=scope.span((*path, first_key)))
+        note = Note(message="the bound is set here", span=scope.span((*path, first_key)))
         scope.error(Code.DIMENSION, message, value_path, help=help, notes=[note])
         return
     if not isinstance(value, Quantity):

@@ -92,7 +92,7 @@ def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: I
             scope.error(
                 Code.NAME_CLASH, f"the index `{spec.repeat.as_}` is also a parameter of the document", path,
                 help="rename the index, for example `as: k`", key=True,
-                notes=[Note(message="the parameter", span=scope.span(("parameters", spec.repeat.as_), key=True))],
+                notes=[Note(message="the parameter is defined here", span=scope.span(("parameters", spec.repeat.as_), key=True))],
             )
             count = None
         if count is not None and total + count > MAX_OCCURRENCES:
