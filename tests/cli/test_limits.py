@@ -138,11 +138,20 @@ def test_written_limits_pass_the_test(rig: Workspace) -> None:
     code, out, err = run("limits", str(document), "turn", "--write")
     assert code == 0, out + err
     written = document.read_text()
-    lower, upper = (float(written.partition(f"{key}: ")[2].partition(" deg")[0]) for key in ("lower", "upper"))
-    begin, end = contact()
-    assert begin - 0.26 <= upper <= begin and end <= lower + 360.0 <= end + 0.26
-    assert written == VANE.replace("lower: -90 deg, upper: 150 deg", f"lower: {lower:g} deg, upper: {upper:g} deg")
+    upper = float(written.partition("upper: ")[2].partition(" deg")[0])
+    assert contact()[0] - 0.26 <= upper <= contact()[0]
+    assert written == VANE.replace("upper: 150 deg", f"upper: {upper:g} deg, source: geometry")
     assert run("test", str(document))[0] == 0
+
+
+def test_limits_are_not_widened(rig: Workspace) -> None:
+    document = rig.write(VANE.replace("upper: 150 deg", "upper: 30 deg"))
+    code, out, err = run("limits", str(document), "turn", "--write")
+    assert code == 0 and "proved to 0.25 deg" in out, out + err
+    assert "upper: 30 deg" in document.read_text() and "source" not in document.read_text()
+    document.write_text(VANE.replace("limit: {lower: -90 deg, upper: 150 deg}", "dynamics: {damping: 0}").replace("revolute", "continuous"))
+    code, out, err = run("limits", str(document), "turn", "--write")
+    assert code == 2 and "help: use `type: revolute`" in out + err
 
 
 LINKS = HEAD + """\
@@ -166,7 +175,7 @@ def test_pairs_that_are_not_compared_are_listed(rig: Workspace) -> None:
     assert found["proved"] is False and found["free"] == pytest.approx([-0.03, 0.06])
     out = run("limits", document, "--pairs")[1]
     words = ", 2 pairs skipped (shapes of links are approximate: ground and cart, ...)"
-    assert f"to 0.1 mm{words}" in out and "proved" not in out
+    assert words.removeprefix(", ") in out and "proved" not in out
     assert "4 pairs skipped" in out.splitlines()[-1]
 
 

@@ -308,6 +308,8 @@ class LimitSpec(Model):
     """Largest speed of the joint; default: from the drive."""
     cone: fields.AngleField | None = None
     """The largest rotation of a ball joint, about any axis. A ball joint has no other position limit."""
+    source: Literal["geometry"] | None = None
+    """The source of the position limits. The command `thingc limits --write` writes `geometry`. The key does not change the robot."""
 
 
 class MimicSpec(Model):

@@ -119,8 +119,8 @@ def as_text(found: Sequence[JointLimits], pairs: Sequence[PairLimits]) -> list[s
             one.joint.name, " to ".join("unlimited" if end is None else show(end) for end in (limit.lower, limit.upper)),
             (" to ".join(map(show, one.own)) if one.own is not None else "touches in the pose") + (f" ({more} more)" if more else ""),
             "; ".join(dict.fromkeys(contact for contact in one.contacts if contact is not None)) or "none",
-            f"{'proved ' if one.proved else '' if one.skipped else 'sampled ' if one.compared else _NONE + ', '}to {show(one.width)}"
-            + skipped_text(one.skipped),
+            f"proved to {show(one.width)}" if one.proved
+            else skipped_text(one.skipped).removeprefix(", ") or ("sampled" if one.compared else _NONE),
         ))
     others = [(
         " and ".join(one.joints), one.verdict, f"{one.contact} at {one.where}" if one.contact else "",
@@ -140,12 +140,16 @@ def _as_data(one: JointLimits) -> dict[str, object]:
 
 
 def _values(one: JointLimits) -> dict[str, str]:
-    """Return the values to write for the limits of a joint, by path. Ends without a contact and joints of nested documents are omitted."""
+    """Return the values to write for the limits of a joint, by path.
+
+    Ends without a contact, ends beyond the limits of the document, and joints of nested documents are omitted.
+    """
     if one.own is None or one.joint.name.number is not None or "." in one.joint.name:
         return {}
     scale, unit = (math.degrees(1.0), "deg") if one.joint.twist.turns else (1000.0, "mm")
     rounded = math.ceil(scale * one.own[0] * 100.0) / 100.0, math.floor(scale * one.own[1] * 100.0) / 100.0
-    return {
-        f"joints.{one.joint.name}.limit.{key}": f"{value:g} {unit}"
-        for key, value, contact in zip(("lower", "upper"), rounded, one.contacts, strict=True) if contact is not None
-    }
+    lower, upper = one.joint.limit.lower, one.joint.limit.upper
+    is_narrower = lower is None or one.own[0] > lower, upper is None or one.own[1] < upper
+    ends = zip(("lower", "upper"), rounded, one.contacts, is_narrower, strict=True)
+    written = {key: f"{value:g} {unit}" for key, value, contact, narrower in ends if contact is not None and narrower}
+    return {f"joints.{one.joint.name}.limit.{key}": text for key, text in (written and {**written, "source": "geometry"}).items()}
