@@ -42,11 +42,8 @@ from thingc.tools.same.sides import read_side
 ROOT = Path(__file__).resolve().parents[2]
 EXACT = 1e-9
 """Largest difference of distances [m]."""
-OWN = (
-    "assemblies/arm.yaml", "assemblies/minchw/minchw.yaml", *(f"gallery/{name}/{name}.yaml" for name in (
-        "balancer", "delta", "gecko", "gripper", "hand", "hexapod",
-    )),
-)
+GALLERY = sorted(path for path in ROOT.glob("gallery/*/*.yaml") if path.stem == path.parent.name)
+OWN = (ROOT / "assemblies/arm.yaml", ROOT / "assemblies/minchw/minchw.yaml", *GALLERY)
 
 
 @dataclass
@@ -221,7 +218,7 @@ def true_map(disguise: Disguise, found: MechanismComparison) -> bool:
 def robots(folder: str | None) -> Iterator[Path]:
     """Yield the files of robots: of the repository, or below a folder."""
     if folder is None:
-        yield from (ROOT / path for path in OWN if (ROOT / path).is_file())
+        yield from OWN
         yield from sorted((ROOT / "tests/importing/robots").glob("*.[ux]*"))
         return
     for path in sorted(Path(folder).rglob("*")):
