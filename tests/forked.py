@@ -7,6 +7,7 @@ and a new process runs the other tests of the file.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
@@ -101,7 +102,7 @@ def run(session: pytest.Session, jobs: int) -> None:
         while children:
             for child in _speaking(children):
                 if not _listen(config, child):
-                    os.waitpid(child.pid, 0)
+                    _wait_for(child)
                     children.remove(child)
                     if child.running is not None:
                         _report_lost(files.items[child.running], config)
@@ -114,8 +115,9 @@ def run(session: pytest.Session, jobs: int) -> None:
     finally:
         os.close(files.source)
         for child in children:
-            os.kill(child.pid, CANCEL)
-            os.waitpid(child.pid, 0)
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(child.pid, CANCEL)
+            _wait_for(child)
 
 
 def _speaking(children: Sequence[Child]) -> list[Child]:
@@ -123,7 +125,13 @@ def _speaking(children: Sequence[Child]) -> list[Child]:
     ready = wait([child.pipe for child in children], LOOK)
     if ready:
         return [child for child in children if child.pipe in ready]
-    return [child for child in children if os.waitid(os.P_PID, child.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None]
+    return [child for child in children if os.waitpid(child.pid, os.WNOHANG)[0]]
+
+
+def _wait_for(child: Child) -> None:
+    """Wait until a process has ended."""
+    with contextlib.suppress(ChildProcessError):  # `_speaking` has seen its end
+        os.waitpid(child.pid, 0)
 
 
 def _listen(config: pytest.Config, child: Child) -> bool:
