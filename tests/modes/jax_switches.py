@@ -134,4 +134,4 @@ def test_unknown_on_motion_is_rejected() -> None:
     modes = random_robot(3).modes
     free = modes["free_0"]
     with pytest.raises(ModesError, match='expected on_motion "drop" or "impact", found `raise`'):
-        switch(free.arrays(free.state()), free, free, "raise")  # type: ignore[arg-type]
+        jax.eval_shape(lambda state: switch(state, free, free, "raise"), free.arrays(free.state()))  # type: ignore[arg-type]
