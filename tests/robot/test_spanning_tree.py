@@ -441,7 +441,7 @@ def test_long_chain_does_not_exceed_recursion_limit() -> None:
     for a, b in pairwise(ends[:5]):
         step: Vector = b.translation
         assert np.linalg.norm(np.subtract(step, a.translation)) == pytest.approx(0.2, rel=1e-9)
-    place = Sweep(robot, Keyframe(name="zero", q={joint.path: 0.0 for joint in joints_of(found)}, origin=()), ()).place({})
+    place = Sweep(robot, Keyframe(name="zero", q={joint.path: 0.0 for joint in joints_of(found)}, origin=()), ()).place([])
     assert place is not None
     assert [place.at(end) for end in (0, count - 1)] == [ends[0], ends[-1]]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from testing.rig import HEAD, PARALLELOGRAM, SLIDERS, Workspace, two_links
+from thingc.base.pose import Pose
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.model.resolve.types import JointRange
 from thingc.model.robot.types import Keyframe
-from thingc.model.solids import clearance
-from thingc.model.solids.clearance import BoundedSolid, ComparedPair, Sweep, body_of, prove
-from thingc.model.solids.contact_cells import divide, joint_bounds
+from thingc.model.solids.clearance import BoundedSolid, SolidPair, SolidPlace, Sweep, body_of, prove
+from thingc.model.solids.contact_cells import joint_bounds, prove_pairs
 from thingc.model.solids.shapes import Solid, solid_of
 
 Array = NDArray[np.float64]
@@ -90,7 +91,7 @@ def pose(place: Array, turn: Rotation) -> str:
     return f"xyz: {vector(place)}, rpy: {vector(turn.as_euler('xyz'), 'rad')}"
 
 
-def sweeps(folder: Path, mechanisms: list[Mechanism]) -> Iterator[tuple[Sweep, ComparedPair, Mechanism]]:
+def sweeps(folder: Path, mechanisms: list[Mechanism]) -> Iterator[tuple[Sweep, SolidPair, Mechanism]]:
     """Yield the range of each mechanism with its two parts, from one document with all of them."""
     texts = [one.written(f"m{number}") for number, one in enumerate(mechanisms)]
     document = folder / "many.yaml"
@@ -109,11 +110,12 @@ def sweeps(folder: Path, mechanisms: list[Mechanism]) -> Iterator[tuple[Sweep, C
     for number, one in enumerate(mechanisms):
         ends = (JointRange(joint=f"m{number}", lower=one.low, upper=one.high),)
         shape, ball = f"m{number}", f"m{number}_ball"
-        pair = ComparedPair(parts[shape].index, parts[ball].index, (bodies[shape], bodies[ball]), False, 0.0, 1e-5)
+        solids = bodies[shape], bodies[ball]
+        pair = SolidPair(parts[shape].index, parts[ball].index, solids[0].error + solids[1].error, deep=1e-5, bodies=solids)
         yield Sweep(robot, Keyframe(name="zero", q=q, origin=()), ends), pair, one
 
 
-Mechanisms = list[tuple[Sweep, ComparedPair, Mechanism]]
+Mechanisms = list[tuple[Sweep, SolidPair, Mechanism]]
 
 
 @pytest.fixture(scope="module")
@@ -124,8 +126,8 @@ def thousand(tmp_path_factory: pytest.TempPathFactory) -> Mechanisms:
     return [each for _ in range(1000 // EACH) for each in sweeps(folder, [Mechanism(source) for _ in range(EACH)])]
 
 
-def fresh(pair: ComparedPair, required: float) -> ComparedPair:
-    return ComparedPair(pair.one, pair.other, pair.bodies, False, required, pair.deep)
+def fresh(pair: SolidPair, required: float) -> SolidPair:
+    return replace(pair, clearance=required)
 
 
 def test_verdicts_for_random_mechanisms(thousand: Mechanisms) -> None:
@@ -149,8 +151,12 @@ def test_verdicts_for_random_mechanisms(thousand: Mechanisms) -> None:
 
 def test_wrong_speed_bound_gives_wrong_verdicts(thousand: Mechanisms, monkeypatch: pytest.MonkeyPatch) -> None:
     """With half the speed bound, some touching pairs are reported as clear, so the other tests would detect such an error."""
-    right = clearance.speed
-    monkeypatch.setattr(clearance, "speed", lambda *arguments: 0.5 * right(*arguments))
+    def halved(*arguments: Any) -> tuple[Array, Array]:
+        gaps, paths = right(*arguments)
+        return gaps, 0.5 * paths
+
+    right = SolidPlace.bounds
+    monkeypatch.setattr(SolidPlace, "bounds", halved)
     wrong = 0
     for sweep, pair, mechanism in thousand[:300]:
         if (least := mechanism.least()) > 0.0:
@@ -318,14 +324,12 @@ def solid(whole: Manifold) -> Solid:
     return Solid(whole, ((whole, 0.0),))
 
 
-@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_parts_in_contact_at_a_joint_are_compared_in_cells(kind: str, tmp_path: Path) -> None:
-    """A plate and a hub touch in all positions, and each carries a random box away from the contact. The oracle is the volume of the
-    intersection in a grid of positions, and in the position that is reported."""
-    turns = kind == "revolute"
-    (end, unit), ball = (2.0, "rad") if turns else (0.02, "m"), "{link: true, mass: 1 g, shapes: [{sphere: {radius: 1 mm}}]"
-    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
-    (document := tmp_path / "cells.yaml").write_text(
+def plate_and_hub(folder: Path, kind: str, end: float) -> tuple[Sweep, list[int], list[Pose]]:
+    """Return the sweep of a joint `move` from -end to end [rad or m], and the indices of a plate on the ground and of a hub, which moves.
+    The poses are those of the ground in the frames of both parts at the position 0."""
+    unit, ball = "rad" if kind == "revolute" else "m", "{link: true, mass: 1 g, shapes: [{sphere: {radius: 1 mm}}]"
+    (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (document := folder / "cells.yaml").write_text(
         "thingc: assembly/1\nname: cells\ncomponents:\n  ground: {frame: true, mounts: {hinge: {}}}\n"
         f"  plate: {ball}, at: {{in: ground.origin, xyz: 5 -7 3 mm}}}}\n  hub: {ball}}}\njoints:\n"
         f"  move: {{type: {kind}, parent: ground.hinge, child: hub.origin, limit: {{lower: -{end} {unit}, upper: {end} {unit}}}}}\n"
@@ -335,10 +339,34 @@ def test_parts_in_contact_at_a_joint_are_compared_in_cells(kind: str, tmp_path: 
         compilation = pipeline.compile(environment)
         assert compilation.assembly is not None, compilation.report.diagnostics
         robot = compilation.robots[0]
-    index = {one.path: one.index for one in robot.assembly.occurrences}
+    paths = [one.path for one in robot.assembly.occurrences]
+    indices = [paths.index(name) for name in ("plate", "hub")]
     sweep = Sweep(robot, Keyframe(name="zero", q={"move": 0.0}, origin=()), (JointRange(joint="move", lower=-end, upper=end),))
-    places = [place for q in np.linspace(-end, end, 81).tolist() if (place := sweep.place({0: q})) is not None]
-    poses = [places[40].at(index[name]).inverse() for name in ("plate", "hub")]
+    assert (place := sweep.place([0.0])) is not None
+    return sweep, indices, [place.at(index).inverse() for index in indices]
+
+
+def test_parts_that_come_into_contact_are_compared_in_cells(tmp_path: Path) -> None:
+    """The arm of the hub slides onto a pad of the same height, 1.5 rad from the middle of the range. Without cells, hundreds of positions
+    would be compared, because the arm may enter the pad by less than the distance by which it moves."""
+    sweep, indices, poses = plate_and_hub(tmp_path, "revolute", 2.0)
+    block = Manifold.cube((4, 4, 1)).translate((8, -2, 0)).scale([1e-3] * 3)
+    pad, arm = block.translate((0, 0, -1e-3)).rotate((0, 0, 86)), solid(block)
+    for height, verdict in ((0.0, "contact"), (1e-5, "touches"), (-1e-4, "clear")):
+        bodies = BoundedSolid(solid(pad.translate((0.0, 0.0, height))).at(poses[0]), 0.0), BoundedSolid(arm.at(poses[1]), 0.0)
+        pair = SolidPair(*indices, joined=True, deep=5e-6, bodies=bodies)
+        prove_pairs(sweep, [pair])
+        assert (pair.verdict, pair.apart) == (verdict, True) and (pair.seen < 30 or verdict != "contact")
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_parts_in_contact_at_a_joint_are_compared_in_cells(kind: str, tmp_path: Path) -> None:
+    """A plate and a hub touch in all positions, and each carries a random box away from the contact. The oracle is the volume of the
+    intersection in a grid of positions, and in the position that is reported."""
+    turns = kind == "revolute"
+    end = 2.0 if turns else 0.02
+    sweep, indices, poses = plate_and_hub(tmp_path, kind, end)
+    places = [place for q in np.linspace(-end, end, 81).tolist() if (place := sweep.place([q])) is not None]
     source, counts = np.random.default_rng(39), {"touches": 0, "contact": 0}
     for _ in range(6 if turns else 12):
         solids = []
@@ -351,12 +379,12 @@ def test_parts_in_contact_at_a_joint_are_compared_in_cells(kind: str, tmp_path: 
             made += Manifold.cube(box.tolist()).translate(at)
             solids.append(solid(made.rotate((0.0, 0.0 if turns else 90.0, 0.0)).scale([1e-3] * 3)))
         plate, hub = (BoundedSolid(one.at(pose), 0.0) for one, pose in zip(solids, poses, strict=True))
-        pair = ComparedPair(index["plate"], index["hub"], (plate, hub), True, 0.0, 1e-5)
+        pair = SolidPair(*indices, joined=True, deep=1e-5, bodies=(plate, hub))
         most = max(place.overlap(pair)[0] for place in places)
-        assert divide(sweep, pair)
+        prove_pairs(sweep, [pair])
         counts[pair.verdict] += 1
         if pair.verdict == "touches":
-            assert (place := sweep.place({0: pair.q["move"]})) is not None and place.overlap(pair)[0] > 1e-13
+            assert (place := sweep.place([pair.q["move"]])) is not None and place.overlap(pair)[0] > 1e-13
         else:
             assert pair.verdict == "contact" and most < 1e-9, most
     assert min(counts.values()) > 0, counts

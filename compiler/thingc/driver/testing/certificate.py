@@ -14,7 +14,7 @@ from thingc.driver.testing.collisions import Collisions, NearPair, names_of
 from thingc.driver.testing.outcomes import TestCase, format_si
 from thingc.driver.testing.poses import joints_text
 from thingc.driver.testing.references import mount_references
-from thingc.model.solids.clearance import ComparedPair
+from thingc.model.solids.clearance import SolidPair
 
 METHOD_TEXTS = {"proved": "proved", "followed": "followed through loops", "sampled": "sampled"}
 """Descriptions of the methods by which pairs are compared."""
@@ -33,10 +33,10 @@ class Certificate:
         self.pairs, self.missing = collisions.certify(case.robot, case.frames[0], check, only)
         self.references = {(pair.one, pair.other): only[pair.one, pair.other] for pair in self.pairs} if only is not None else None
 
-    def _pairs_with(self, verdict: str) -> list[ComparedPair]:
+    def _pairs_with(self, verdict: str) -> list[SolidPair]:
         return [pair for pair in self.pairs if pair.verdict == verdict]
 
-    def _method(self, method: str) -> list[ComparedPair]:
+    def _method(self, method: str) -> list[SolidPair]:
         return [pair for pair in self._pairs_with("clear") if pair.method == method]
 
     def touching(self, allowed: Mapping[tuple[int, int], int]) -> Iterator[NearPair]:
@@ -64,7 +64,7 @@ class Certificate:
             )
         return used_allowances
 
-    def _describe_pair(self, pair: ComparedPair) -> str:
+    def _describe_pair(self, pair: SolidPair) -> str:
         position = joints_text(self._assembly, {r.joint: pair.q[r.joint] for r in self._check.ranges}) if pair.q else ""
         gap = f" (the gap of the meshes is {format_si(pair.gap, LENGTH)} at {position})" if pair.q else ""
         return f"{names_of(self._assembly, pair.one, pair.other, '`')} touch{gap}"

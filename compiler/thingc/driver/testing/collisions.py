@@ -16,7 +16,7 @@ from thingc.model.assembly.links import joined_links
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.model.resolve.types import JointRange
 from thingc.model.robot.types import Keyframe, Robot
-from thingc.model.solids.clearance import PROVED, BoundedSolid, ComparedPair, Sweep, body_of, sample
+from thingc.model.solids.clearance import PROVED, BoundedSolid, SolidPair, Sweep, body_of, sample
 from thingc.model.solids.contact_cells import prove_pairs
 from thingc.model.solids.overlaps import Overlaps, contact_places, reason_to_skip
 from thingc.model.solids.shapes import Solid, Solids
@@ -114,24 +114,24 @@ class Collisions:
 
     def moving_pairs(
         self, robot: Robot, start: Keyframe, ranges: Sequence[JointRange], clearance: float,
-    ) -> tuple[Sweep, list[ComparedPair]]:
+    ) -> tuple[Sweep, list[SolidPair]]:
         """Return the sweep of the robot over the ranges, and the pairs of components that move relative to each other and may collide."""
         parts, deep = self.assembly.occurrences, self.overlaps.deep
         sweep = Sweep(robot, start, ranges)
         close = [(first, second) for first, second in sorted(self.close) if not self._allowed_reason(parts[first], parts[second])]
-        moving = [pair for pair in (*self.pairs, *close) if sweep.moving(*pair)[0]]
+        moving = [pair for pair in (*self.pairs, *close) if sweep.between(*pair)[1]]
         for index in (index for pair in moving for index in pair):
             if parts[index].definition.text not in self._bodies:
                 self._bodies[parts[index].definition.text] = body_of(parts[index], self._solids[index], deep / 2.0)
-        bodies = {index: self._bodies[parts[index].definition.text] for pair in moving for index in pair}
+        bodies = [[self._bodies[parts[index].definition.text] for index in pair] for pair in moving]
         return sweep, [
-            ComparedPair(first, second, (bodies[first], bodies[second]), joined, 0.0 if joined else clearance, deep)
-            for first, second in moving for joined in ((first, second) in self.close,)
+            SolidPair(*pair, one.error + other.error, joined, 0.0 if joined else clearance, deep, bodies=(one, other))
+            for pair, (one, other) in zip(moving, bodies, strict=True) for joined in (pair in self.close,)
         ]
 
     def certify(
         self, robot: Robot, start: Keyframe, check: CollisionCheck, only: Collection[tuple[int, int]] | None = None,
-    ) -> tuple[list[ComparedPair], int]:
+    ) -> tuple[list[SolidPair], int]:
         """Compare the pairs that move relative to each other in the ranges of a test, in all positions as far as possible.
 
         If `only` is given, other pairs are ignored. Pairs whose relative position depends on more than `PROVED` ranges are compared in
@@ -139,7 +139,7 @@ class Collisions:
         """
         sweep, moving = self.moving_pairs(robot, start, check.ranges, check.clearance)
         pairs = [pair for pair in moving if only is None or (pair.one, pair.other) in only]
-        sampled = [pair for pair in pairs if len(sweep.moving(pair.one, pair.other)[0]) > PROVED]
+        sampled = [pair for pair in pairs if len(sweep.between(pair.one, pair.other)[1]) > PROVED]
         prove_pairs(sweep, [pair for pair in pairs if pair not in sampled], self.progress)
         missing = sample(sweep, sampled, quasi_random(check.samples, len(check.ranges)).tolist()) if sampled else 0
         return pairs, missing

@@ -12,7 +12,7 @@ from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import Assembly
 from thingc.model.resolve.types import JointRange
 from thingc.model.robot.types import Keyframe, Robot
-from thingc.model.solids.clearance import ComparedPair, Sweep
+from thingc.model.solids.clearance import SolidPair, Sweep
 from thingc.model.solids.contact_cells import prove_pairs
 
 Notes = tuple[Note, ...]
@@ -40,20 +40,20 @@ def mount_references(assembly: Assembly) -> dict[tuple[int, int], Notes]:
     return references
 
 
-def first_overlaps(robot: Robot, frame: Keyframe, ranges: Sequence[JointRange], pairs: Sequence[ComparedPair]) -> tuple[str, str] | None:
+def first_overlaps(robot: Robot, frame: Keyframe, ranges: Sequence[JointRange], pairs: Sequence[SolidPair]) -> tuple[str, str] | None:
     """Return a description of the joint positions at which the first pair begins to overlap, and a help text with limits for the joint.
 
     Within these limits, none of the pairs that only this joint moves overlap. The search begins at the position 0, or at the nearest
     position of the range, and has an accuracy of 0.1 deg or 0.1 mm. Return None if several joints move the first pair.
     """
     sweep_all, worst = Sweep(robot, frame, ranges), pairs[0]
-    moving, _ = sweep_all.moving(worst.one, worst.other)
+    moving = sweep_all.between(worst.one, worst.other)[1]
     if len(moving) != 1:
         return None
     joint_range = ranges[min(moving)]
     joint = next(joint for joint in joints_of(robot.assembly) if joint.path == joint_range.joint)
     step, show = radians(0.1) if joint.turns else 1e-4, joint.twist.format
-    joint_pairs = [pair for pair in pairs if sweep_all.moving(pair.one, pair.other)[0] == moving]
+    joint_pairs = [pair for pair in pairs if sweep_all.between(pair.one, pair.other)[1] == moving]
 
     def position(number: int) -> float:
         return min(max(number * step, joint_range.lower), joint_range.upper)

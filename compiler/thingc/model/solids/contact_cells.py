@@ -8,16 +8,17 @@ do not overlap, the parts are clear there in all positions. If they overlap by l
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import product
 from math import cos, pi
 
 import numpy as np
 from manifold3d import Manifold
 from numpy.typing import NDArray
 
-from thingc.base.joints.twist import Twist
 from thingc.base.pose import along
 from thingc.base.progress import Progress, ProgressCounter
-from thingc.model.solids.clearance import SKIN, TOUCH, BoundedSolid, ComparedPair, Place, Sweep, prove
+from thingc.model.solids.clearance import BoundedSolid, SolidPair, SolidPlace, Sweep, prove
+from thingc.model.solids.joint_boxes import SKIN, TOUCH
 from thingc.model.solids.shapes import Solid
 
 FACETS = 64
@@ -33,47 +34,42 @@ MARGIN = 1e-4
 Bounds = tuple[tuple[float, float], tuple[float, float]]
 
 
-def prove_pairs(sweep: Sweep, pairs: Sequence[ComparedPair], progress: Progress | None = None) -> None:
+def prove_pairs(sweep: Sweep, pairs: Sequence[SolidPair], progress: Progress | None = None) -> None:
     """Compare pairs in all positions, except for the cells in which parts at a joint are always in contact. Show the progress."""
     counter = ProgressCounter(progress, "proving pairs", len(pairs))
-    others: list[ComparedPair] = []
     for pair in pairs:
-        if divide(sweep, pair):
-            counter.add()
-        else:
-            others.append(pair)
-    prove(sweep, others, counter)
+        joints, moving, looped = sweep.between(pair.one, pair.other)
+        pair.until_contact = pair.joined and len(joints) == len(moving) == 1 and not (looped or sweep.pitches[joints[0]])
+    prove(sweep, pairs, counter)
+    for pair in pairs:
+        if pair.until_contact and pair.done and (pair.seen == 1 or not pair.found):
+            _divide(sweep, pair)
+        pair.until_contact = False
 
 
-def divide(sweep: Sweep, pair: ComparedPair) -> bool:
-    """Compare two parts that are in contact at a single joint, except for the cells in which they are always in contact.
-
-    Return False if the parts are not in contact, or if more than one joint or a screw joint moves them.
-    """
-    moving, looped = sweep.moving(pair.one, pair.other)
-    if not pair.joined or len(moving) != 1 or looped:
-        return False
-    (number,) = moving
-    x, half = ((sweep.ranges[number].upper + sign * sweep.ranges[number].lower) / 2.0 for sign in (1.0, -1.0))
-    place = sweep.place({number: x})
-    steps = sweep.steps(place, {number: x}, {number: half}) if place is not None else {}
-    twists = [twist for path, twist in place.twists(pair) if steps.get(path)] if place is not None else []
-    if place is None or len(twists) != 1 or twists[0].pitch or place.gap(pair, pair.error + SKIN) >= pair.error + SKIN:
-        return False
-    cells = _Cells(place, pair, twists[0], 2.0 * half)
+def _divide(sweep: Sweep, pair: SolidPair) -> None:
+    """Compare two parts that are in contact at a single hinge or slide, except for the cells in which they are always in contact."""
+    pair.found = pair.near = False
+    place = sweep.place(sweep.initial)
+    assert place is not None, "the loops close in the keyframe"
+    cells = _Cells(place, pair, sweep.between(pair.one, pair.other)[0][0])
     waiting = [(cells.bounds, pair)]
+    touching: list[SolidPair] = []
     for patience in PATIENCE:
-        parts = [part for bounds, whole in waiting for cell in _quarters(bounds) for part in cells.cut(whole, cell, patience)]
-        prove(sweep, [part for _, part, _ in parts])
-        worst = max((part for _, part, _ in parts if part.verdict == "touches"), key=lambda part: part.depth, default=None)
+        cut = [part for bounds, whole in waiting for cell in _quarters(bounds) for part in cells.cut(whole, cell, patience)]
+        touching += [part for _, part, thin in cut if thin]
+        parts = [(cell, part) for cell, part, thin in cut if not thin]
+        prove(sweep, [part for _, part in parts])
+        worst = max((part for _, part in parts if part.verdict == "touches"), key=lambda part: part.depth, default=None)
         if worst is not None:
             pair.found, pair.gap = True, 0.0
             pair.depth, pair.volume, pair.q = worst.depth, worst.volume, worst.q
-            break
-        pair.near |= any(thin and part.verdict != "clear" for _, part, thin in parts)
-        waiting = [(cell, part) for cell, part, thin in parts if part.verdict != "clear" and not thin]
-    pair.near |= bool(waiting)
-    return True
+            return
+        waiting = [(cell, part) for cell, part in parts if part.verdict != "clear"]
+    pair.near = pair.gap <= TOUCH or bool(waiting)
+    if not pair.near:  # the parts are nearer than the errors of their surfaces, but not in contact
+        prove(sweep, touching)
+        pair.near = any(part.verdict != "clear" for part in touching)
 
 
 def joint_bounds(corners: NDArray[np.float64], turns: bool) -> NDArray[np.float64]:
@@ -93,25 +89,23 @@ def joint_bounds(corners: NDArray[np.float64], turns: bool) -> NDArray[np.float6
 
 
 def _quarters(bounds: Bounds) -> Iterator[Bounds]:
-    (a, b), (c, d) = bounds
-    for u in ((a, (a + b) / 2.0), ((a + b) / 2.0, b)):
-        for v in ((c, (c + d) / 2.0), ((c + d) / 2.0, d)):
-            yield u, v
+    first, second = (((low, (low + high) / 2.0), ((low + high) / 2.0, high)) for low, high in bounds)
+    return product(first, second)
 
 
 class _Cells:
     """The cells around a joint between two parts.
 
-    The two coordinates of `bounds` [m] are the radius and the height of a ring around a hinge, or x and y of a prism along a slide. The
-    length of the range is `motion` [rad or m].
+    The two coordinates of `bounds` [m] are the radius and the height of a ring around a hinge, or x and y of a prism along a slide.
     """
 
-    def __init__(self, place: Place, pair: ComparedPair, twist: Twist, motion: float) -> None:
-        self.turns = twist.turns
-        frame = along(twist.axis, twist.anchor)
+    def __init__(self, place: SolidPlace, pair: SolidPair, joint: int) -> None:
+        anchor, angular, linear = (tuple(vector) for vector in place.twists[joint].tolist())
+        self.turns = any(angular)
+        frame = along(angular if self.turns else linear, anchor)
         self.poses = [place.at(part).inverse() @ frame for part in (pair.one, pair.other)]
         low, high, length = self._shared_bounds([body.solid.whole for body in pair.bodies])
-        self.length = 2.0 * (length + motion)
+        self.length = 2.1 * length
         low, high = low - (margin := max(pair.error, MARGIN)), high + margin
         self.bounds: Bounds = ((0.0 if self.turns else float(low[0]), float(high[0])), (float(low[1]), float(high[1])))
 
@@ -125,7 +119,7 @@ class _Cells:
         lows, highs = zip(*(joint_bounds(each, self.turns) for each in corners), strict=True)
         return np.max(lows, axis=0), np.min(highs, axis=0), max(float(np.abs(each).max()) for each in corners)
 
-    def cut(self, pair: ComparedPair, bounds: Bounds, patience: int) -> Iterator[tuple[Bounds, ComparedPair, bool]]:
+    def cut(self, pair: SolidPair, bounds: Bounds, patience: int) -> Iterator[tuple[Bounds, SolidPair, bool]]:
         """Yield a copy of a pair with the parts of its solids inside a cell, with the cell, and whether the parts can only touch there.
 
         Yield nothing if one of the solids is empty in the cell, or if the parts are clear there in all positions. The smallest overlap of
@@ -138,14 +132,15 @@ class _Cells:
                 cell -= Manifold.cylinder(self.length, a, -1.0, FACETS, True)
         else:
             cell = Manifold.cube((b - a, d - c, self.length)).translate((a, c, -self.length / 2.0))
-        uncut = Solid(cell, ((cell, 0.0),))
-        solids = [body.solid.whole ^ uncut.at(pose).whole for body, pose in zip(pair.bodies, self.poses, strict=True)]
-        if any(solid.is_empty() for solid in solids):
-            return
+        solids: list[Manifold] = []
+        for body, pose in zip(pair.bodies, self.poses, strict=True):
+            solids.append(body.solid.whole ^ Solid(cell, ()).at(pose).whole)
+            if solids[-1].is_empty():
+                return
         low, high, _ = self._shared_bounds(solids)
         overlap = float((high - low).min())
         if overlap < -TOUCH:
             return
         one, other = (BoundedSolid(Solid(solid, ((solid, 0.0),)), body.error) for solid, body in zip(solids, pair.bodies, strict=True))
         thin = overlap <= SKIN
-        yield bounds, ComparedPair(pair.one, pair.other, (one, other), True, 0.0, pair.deep, 1 if thin else patience), thin
+        yield bounds, SolidPair(pair.one, pair.other, pair.error, True, 0.0, pair.deep, 1 if thin else patience, bodies=(one, other)), thin

@@ -43,11 +43,8 @@ class Solid(FrozenStruct, kw_only=False):
 
     def box(self, pose: Pose) -> NDArray[np.float64]:
         """Return the bounding box (2 x 3: low, high) [m] of the solid at a pose, along the axes of the world."""
-        bounds = np.array(self.whole.bounding_box(), dtype=np.float64).reshape(2, 3)
-        middle, half = (bounds[0] + bounds[1]) / 2.0, (bounds[1] - bounds[0]) / 2.0
-        turn = np.array(pose.rotation)
-        centre, reach = turn @ middle + np.array(pose.translation), np.abs(turn) @ half
-        return np.stack([centre - reach, centre + reach])
+        bounds = self.whole.bounding_box()
+        return np.array(pose.around((bounds[:3], bounds[3:])))
 
     def gap(self, other: Solid, within: float) -> float:
         """Return the distance [m] to another solid.

@@ -5,7 +5,7 @@ each mesh for collisions. Therefore, collisions of non-convex meshes may be repo
 configuration is missed.
 
 Between samples, a collision of thin shapes can be missed. Pairs that collide in no sample are therefore compared in all configurations if
-few joints move them, by the method of `thingc.model.solids.clearance`. That module compares exact shapes, and needs ten times as long.
+few joints move them, by the method of `thingc.model.solids.joint_boxes`.
 """
 
 from __future__ import annotations
@@ -13,9 +13,8 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections import deque
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.links import joined_links
 from thingc.model.assembly.types import Assembly
+from thingc.model.solids.joint_boxes import ComparedPair, Place, compare_in_boxes, sphere_bounds
 from thingc.targets.geometry import MeshAsset
 from thingc.targets.mjcf.accepted_models import mujoco_version
 from thingc.targets.name_mangling import safe
@@ -166,12 +166,13 @@ def _rename_meshes(collision: Element, prefix: str, files: set[str]) -> Element:
     return shape
 
 
-class _Sampler:
+class _Sampler(Place[ComparedPair]):
     """Searches for collisions in configurations of a MuJoCo model.
 
     `free` contains the independent joints. Each entry k of qpos is `multiplier[k] * q[leader[k]] + offset[k]`, where q contains the
     positions of the independent joints. Row k of `ranges` contains the limits of the independent joint k, or one turn if it has no limits
-    (`unlimited`). `turns` contains whether it rotates.
+    (`unlimited`). `turns` contains whether it rotates. `hinges` contains which joints of the model rotate. `chain` contains the joints
+    between the two bodies that are compared.
     """
 
     def __init__(self, text: str, assets: Mapping[str, bytes], tree: Element, neighbours: Collection[Pair]) -> None:
@@ -195,6 +196,9 @@ class _Sampler:
             self.leader[address] = columns[mimic_values["joint"]]
             self.multiplier[address], self.offset[address] = float(mimic_values["multiplier"]), float(mimic_values["offset"])
         self.turns = np.array([joint.get("type") != "prismatic" for joint in self.free.values()], bool)
+        self.hinges = self.model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)
+        self.chain: list[int] = []
+        self.q = {}
         self.samples = SAMPLES if self.free else 1
         self.ranges = np.array([self._sampled_range(joint) for joint in self.free.values()]).reshape(-1, 2)
         unlimited = [_limits(joint) != tuple(ends) for joint, ends in zip(self.free.values(), self.ranges, strict=True)]
@@ -228,48 +232,42 @@ class _Sampler:
 
         Return None if this is unknown because more than `PROVED` independent joints move the bodies, because the configurations are not
         periodic in a joint without limits, or because no more `configurations` may be compared.
-
-        The configurations are divided into boxes. In a box, the distance of two shapes is at least their distance in the middle minus the
-        longest path of a point of one shape relative to the other. If the joints move one after another, first the one that is next to the
-        other body, the distance of the shape from the axis of each joint is the distance in the middle.
         """
-        import mujoco
-        model, data = self.model, self.data
-        joints = np.array(sorted(self._joints_above(first) ^ self._joints_above(second)), dtype=int)
-        addresses, hinge = model.jnt_qposadr[joints], model.jnt_type[joints] == int(mujoco.mjtJoint.mjJNT_HINGE)
+        model, (one, other) = self.model, (self._joints_above(body) for body in (first, second))
+        self.chain = [*sorted(one - other, reverse=True), *sorted(other - one)]
+        addresses = model.jnt_qposadr[self.chain]
         leader, multiplier = self.leader[addresses], self.multiplier[addresses]
-        moving = np.unique(leader)
-        if len(moving) > PROVED or (self.unlimited[leader] & ~(self.turns[leader] & hinge & (multiplier % 1.0 == 0.0))).any():
+        repeats = self.turns[leader] & self.hinges[self.chain] & (multiplier % 1.0 == 0.0)
+        if len({*leader}) > PROVED or (self.unlimited[leader] & ~repeats).any():
             return None
-        low, high = self.ranges.T if self.free else np.zeros((2, 1))
-        geoms = np.array([(a, b) for a in self._geoms(first) for b in self._geoms(second)])
-        waiting = deque([((low + high) / 2.0, (high - low) / 2.0, geoms)])
-        while waiting:
-            middle, half, pairs = waiting.popleft()
+        half = np.where(np.isin(np.arange(len(self.free)), leader), self.ranges[:, 1] - self.ranges[:, 0], 0.0) / 2.0
+        geoms = product(*(np.flatnonzero(model.geom_bodyid == body).tolist() for body in (first, second)))
+        pairs = [ComparedPair(a, b, clearance=RESOLUTION) for a, b in geoms]
+        for _ in compare_in_boxes(self._place, self.ranges.mean(axis=1), half, pairs):
+            if any(pair.found for pair in pairs):
+                return False
             if next(configurations, None) is None:
                 return None
-            data.qpos[:] = middle[self.leader] * self.multiplier + self.offset
-            mujoco.mj_kinematics(model, data)
-            centres, radii = data.geom_xpos[pairs.T], model.geom_rbound[pairs.T]
-            arms = centres[:, None] - data.xanchor[joints][:, None]
-            along = (arms * data.xaxis[joints][:, None]).sum(axis=3)
-            speeds = np.where(hinge[:, None], np.sqrt(np.maximum((arms**2).sum(axis=3) - along**2, 0.0)) + radii[:, None], 1.0)
-            paths = speeds * (half[leader] * np.abs(multiplier))[:, None]
-            required = paths.sum(axis=1).min(axis=0) + RESOLUTION
-            undecided = np.linalg.norm(centres[0] - centres[1], axis=1) - radii.sum(axis=0) < required
-            for k in np.flatnonzero(undecided):
-                gap = mujoco.mj_geomDistance(model, data, *pairs[k].tolist(), required[k], None)
-                if gap < RESOLUTION:
-                    return False
-                undecided[k] = gap < required[k]
-            if undecided.any():
-                widest = max(moving, key=lambda one: float(paths[:, leader == one].sum(axis=1).min(axis=0).max()))
-                width = np.where(np.arange(len(half)) == widest, half / 2.0, 0.0)
-                waiting += [(middle + sign * width, half - width, pairs[undecided]) for sign in (-1.0, 1.0)]
-        return True
+        return all(pair.verdict == "clear" for pair in pairs) or None
 
-    def _geoms(self, body: int) -> list[int]:
-        return list(range(self.model.body_geomadr[body], self.model.body_geomadr[body] + self.model.body_geomnum[body]))
+    def _place(self, x: NDArray[np.float64], _: object) -> _Sampler:
+        """Set the independent joints to `x` [rad or m]."""
+        import mujoco
+        self.data.qpos[:] = x[self.leader] * self.multiplier + self.offset
+        mujoco.mj_kinematics(self.model, self.data)
+        return self
+
+    def bounds(self, pairs: Sequence[ComparedPair], half: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return lower bounds of the distances [m] of shapes, and the longest paths [m] of their points in a box."""
+        geoms, hinges = np.array([(pair.one, pair.other) for pair in pairs]).T, self.hinges[:, None]
+        twists = np.stack([self.data.xanchor, self.data.xaxis * hinges, self.data.xaxis * ~hinges], axis=1)
+        steps, order = (half[self.leader] * np.abs(self.multiplier))[self.model.jnt_qposadr], np.array(self.chain, dtype=int)
+        return sphere_bounds(twists, np.tile(order[:, None], len(pairs)), steps, self.data.geom_xpos[geoms], self.model.geom_rbound[geoms])
+
+    def gap(self, pair: ComparedPair, within: float) -> float:
+        """Return the distance [m] between two shapes, or `within` if the distance is greater."""
+        import mujoco
+        return float(mujoco.mj_geomDistance(self.model, self.data, pair.one, pair.other, within, None))
 
     def _joints_above(self, body: int) -> set[int]:
         """Return the joints between a body and the root."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from math import inf, pi, remainder, tau
 
@@ -19,7 +19,7 @@ from thingc.model.assembly.types import JointEdge
 from thingc.model.resolve.types import JointRange
 from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.types import Keyframe, Robot
-from thingc.model.solids.clearance import ComparedPair, Place, Sweep, prove
+from thingc.model.solids.clearance import SolidPair, SolidPlace, Sweep, prove
 from thingc.model.solids.contact_cells import prove_pairs
 
 COARSE = 16.0
@@ -36,20 +36,20 @@ class FreeIntervals(FrozenStruct):
 
     period: float
     intervals: tuple[tuple[float, float], ...]
-    blocked: tuple[tuple[float, ComparedPair | None], ...]
+    blocked: tuple[tuple[float, SolidPair | None], ...]
     proved: bool
 
     def around(self, q: float, width: float) -> tuple[float, float] | None:
         """Return the interval that contains `q`, or that has a bound at most `width` from `q`. Return None if there is no such interval."""
         return next((one for one in self.intervals if one[0] - width <= q <= one[1] + width), None)
 
-    def contact(self, q: float, width: float) -> ComparedPair | None:
+    def contact(self, q: float, width: float) -> SolidPair | None:
         """Return the pair that touches at the nearest blocked position, or None if this position is farther than `width` from `q`."""
         distances = ((abs(remainder(at - q, self.period)), pair) for at, pair in self.blocked)
         return min((one for one in distances if one[0] <= width), key=lambda one: one[0], default=(q, None))[1]
 
 
-def free_intervals(sweep: Sweep, pairs: Sequence[ComparedPair], width: float, progress: Progress | None = None) -> FreeIntervals:
+def free_intervals(sweep: Sweep, pairs: Sequence[SolidPair], width: float, progress: Progress | None = None) -> FreeIntervals:
     """Return the intervals of a sweep of one joint in which no pair touches.
 
     The ends of the intervals are at most `width` [rad or m] from the nearest position in which parts touch or are closer than the errors of
@@ -90,7 +90,7 @@ def _repeats(sweep: Sweep) -> bool:
     if abs(one.upper - one.lower - tau) > 1e-9:
         return False
     for q in (one.lower, one.lower + 1.0, one.lower + 2.0):
-        places = [place for at in (q, q + tau) if (place := sweep.place({0: at})) is not None]
+        places = [place for at in (q, q + tau) if (place := sweep.place([at])) is not None]
         poses = [np.array([pose.rows() for pose in placed_bodies(sweep.robot.bodies, place.q, sweep.base)]) for place in places]
         if len(poses) < 2 or not np.allclose(poses[0], poses[1], rtol=0.0, atol=1e-6):
             return False
@@ -100,16 +100,15 @@ def _repeats(sweep: Sweep) -> bool:
 class _Search:
     """A search for positions of a joint in which no pair of `pairs` touches, with the positions in which a pair touches (`blocked`)."""
 
-    def __init__(self, sweep: Sweep, pairs: Sequence[ComparedPair], width: float) -> None:
+    def __init__(self, sweep: Sweep, pairs: Sequence[SolidPair], width: float) -> None:
         self._sweep, self._pairs, self._width = sweep, list(pairs), width
-        self.blocked: list[tuple[float, ComparedPair | None]] = []
+        self.blocked: list[tuple[float, SolidPair | None]] = []
 
     def is_free(self, middle: float, half: float) -> bool:
         """Return whether no pair touches within `half` of a position."""
-        place = self._sweep.place({0: middle})
-        steps = self._sweep.steps(place, {0: middle}, {0: half}) if place is not None else {}
+        place = self._sweep.place([middle])
         for number, pair in enumerate(self._pairs):
-            if place is None or not self._is_clear(place, pair, half, steps):
+            if place is None or not self._is_clear(place, pair, half):
                 self._pairs.insert(0, self._pairs.pop(number))  # this pair is likely to touch in the next position, too
                 self.blocked.append((middle, pair if place is not None else None))
                 return False
@@ -126,11 +125,12 @@ class _Search:
                 step /= 2.0
         return end
 
-    def _is_clear(self, place: Place, pair: ComparedPair, half: float, steps: Mapping[str, float]) -> bool:
+    def _is_clear(self, place: SolidPlace, pair: SolidPair, half: float) -> bool:
         if not pair.apart:
             return 2.0 * half <= COARSE * self._width and place.overlap(pair)[1] <= pair.deep
-        within = pair.floor + place.travel(pair, steps)
-        return place.gap(pair, within) >= within
+        (gap,), (path,) = place.bounds([pair], np.array([half]))
+        within = pair.floor + path
+        return bool(gap >= within or place.gap(pair, within) >= within)
 
 
 TURN = pi
@@ -230,10 +230,10 @@ class LimitSearch:
 
     def _skipped_names(self, sweep: Sweep) -> dict[str, list[str]]:
         """Return the names of the pairs that move relative to each other and are not compared, by reason."""
-        moving = {reason: [pair for pair in pairs if sweep.moving(*pair)[0]] for reason, pairs in self._collisions.skipped.items()}
+        moving = {reason: [pair for pair in pairs if sweep.between(*pair)[1]] for reason, pairs in self._collisions.skipped.items()}
         return {reason: [names_of(self._robot.assembly, *pair) for pair in pairs] for reason, pairs in moving.items() if pairs}
 
-    def _names(self, pair: ComparedPair | None) -> str | None:
+    def _names(self, pair: SolidPair | None) -> str | None:
         return None if pair is None else names_of(self._robot.assembly, pair.one, pair.other)
 
 

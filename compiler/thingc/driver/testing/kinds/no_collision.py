@@ -86,7 +86,7 @@ def _find_pairs(
 
     `needed` contains the indices of the `allow` entries that have already permitted a collision, and may grow during the iteration.
     """
-    compared_poses: set[object] | None = set() if check.ranges else None
+    compared_poses: set[object] | None = set() if len(case.frames) > 1 else None
     search_distance = SEARCH_DISTANCE
     for frame in case.frames:
         component_poses = occurrence_poses(case.robot, frame.q, frame.base)
