@@ -14,7 +14,7 @@ from itertools import pairwise, product, zip_longest
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thingc.base.numeric import hypot, sum_of
+from thingc.base.numeric import hypot, inf, sum_of
 from thingc.base.pose import Pose, Vector
 from thingc.base.primitives import Primitive
 from thingc.base.progress import ProgressCounter
@@ -52,10 +52,10 @@ class Balls:
     def __init__(self, low: Array, high: Array, size: float) -> None:
         """Cover boxes by balls. Boxes in the same cell of a grid whose cells have the size `size` [m] are in the same ball."""
         cells = np.floor((low + high) / (2.0 * size)).astype(np.int64)
-        cells -= cells.min(axis=0)
-        _, self.owner = np.unique(np.ravel_multi_index(tuple(cells.T), tuple(cells.max(axis=0) + 1)), return_inverse=True)
-        order = np.argsort(self.owner, kind="stable")
-        starts = np.flatnonzero(np.diff(self.owner[order], prepend=-1))
+        numbers = np.ravel_multi_index(tuple((cells - cells.min(axis=0)).T), tuple(np.ptp(cells, axis=0) + 1))
+        order = np.argsort(numbers, kind="stable")
+        starts = np.flatnonzero(np.diff(numbers[order], prepend=-1))
+        self.owner = np.searchsorted(numbers[order[starts]], numbers)
         self.low, self.high = np.minimum.reduceat(low[order], starts), np.maximum.reduceat(high[order], starts)
         self.centres, self.radii = (self.low + self.high) / 2.0, np.linalg.norm(self.high - self.low, axis=1) / 2.0
 
@@ -69,8 +69,7 @@ class BoundedSolid:
         middle = bounds.mean(axis=0)
         points = np.asarray(solid.whole.to_mesh64().vert_properties)[:, :3]
         self.radius = 1.001 * float(np.sqrt(((points - middle) ** 2).sum(axis=1).max()))  # facets are inside of curved surfaces
-        x, y, z = middle.tolist()
-        self.middle: Vector = (x, y, z)
+        self.middle: Vector = tuple(middle.tolist())
         low, high = (bounds + np.array([[-1e-3], [1e-3]]) * self.radius).tolist()
         self.box: tuple[Vector, Vector] = (tuple(low), tuple(high))
         self.triangles = sum_of(int(core.num_tri()) for core, _ in solid.cores)
@@ -80,18 +79,21 @@ class BoundedSolid:
     def balls(self) -> tuple[Balls, Balls]:
         """Small and large balls that cover the surface."""
         mesh = self.solid.whole.refine_to_length(self.radius / SMALL).to_mesh64()
-        corners = np.asarray(mesh.vert_properties)[:, :3][np.asarray(mesh.tri_verts)]
-        small = Balls(corners.min(axis=1), corners.max(axis=1), self.radius / SMALL)
+        corners = [np.asarray(mesh.vert_properties)[numbers, :3] for numbers in np.asarray(mesh.tri_verts).T]
+        small = Balls(np.minimum.reduce(corners), np.maximum.reduce(corners), self.radius / SMALL)
         return small, Balls(small.low, small.high, self.radius / LARGE)
 
-    def distance_bound(self, other: BoundedSolid, pose: Pose, within: float) -> float:
-        """Return a lower bound of the distance [m] to the surface of a body at a pose, or `within` if the distance is greater."""
+    def distance_bound(self, other: BoundedSolid, pose: Pose, within: float, close: float) -> float:
+        """Return a lower bound of the distance [m] to the surface of a body at a pose, or `within` if the distance is greater.
+
+        If the distance is surely between `close` and `within`, only large balls are compared.
+        """
         turn, shift, slack = np.array(pose.rotation).T, np.array(pose.translation), self.slack + other.slack
         (fine, large), (fine_other, large_other) = self.balls, other.balls
         bounds = _ball_distances(large.centres, large.radii, large_other.centres @ turn + shift, large_other.radii) - slack
-        near_pairs = bounds < within
-        if not near_pairs.any():
-            return within
+        near_pairs, farthest = bounds < within, bounds + 2.0 * (large.radii[:, None] + large_other.radii + slack + TOUCH)
+        if not near_pairs.any() or (bounds.min() >= close and farthest.min() < within):
+            return min(float(bounds.min()), within)
         ours, theirs = np.asarray(near_pairs.any(axis=1))[large.owner], np.asarray(near_pairs.any(axis=0))[large_other.owner]
         centres, radii = fine_other.centres[theirs] @ turn + shift, fine_other.radii[theirs]
         return min(float(_ball_distances(fine.centres[ours], fine.radii[ours], centres, radii).min()) - slack, within)
@@ -195,7 +197,8 @@ class SolidPlace(Place[SolidPair]):
             return 0.0
         close, bound = within, 0.0
         if a.triangles * b.triangles > FEW:
-            close, bound = min(within, pair.floor + CLOSE), a.distance_bound(b, relative, within)
+            close = min(within, pair.floor + CLOSE)
+            bound = a.distance_bound(b, relative, within, inf if pair.method == "sampled" else close)  # a descent needs small balls
         if bound < close or _encloses(a.box, (low, high)) or _encloses(b.box, relative.inverse().around(a.box)):
             gap = a.solid.gap(b.solid.at(relative), close)
             bound = gap if gap < close else max(gap, bound)
@@ -322,7 +325,7 @@ def sample(sweep: Sweep, pairs: Sequence[SolidPair], positions: Iterable[Sequenc
             missing += 1
             continue
         for pair in pairs:
-            previous_q = pair.q
+            pair.method, previous_q = "sampled", pair.q
             if not pair.found:
                 place.compare(pair, max(pair.floor, min(pair.gap, SEE)))
                 best[id(pair)] = point if pair.q is not previous_q else best.get(id(pair), point)

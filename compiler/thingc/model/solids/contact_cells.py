@@ -2,7 +2,8 @@
 
 A ring around the axis of a hinge, and a prism along a slide, do not change when the joint moves. Two parts can therefore touch only inside
 the same ring or prism. Rings in which the parts are always in contact are divided further. If the heights or radii of the parts in a ring
-do not overlap, the parts are clear there in all positions. If they overlap by less than `SKIN`, the parts can only touch there.
+do not overlap, the parts are clear there in all positions. If they overlap by less than the thickness of an intersection that counts as
+more than contact, the parts can only touch there.
 """
 
 from __future__ import annotations
@@ -142,5 +143,5 @@ class _Cells:
         if overlap < -TOUCH:
             return
         one, other = (BoundedSolid(Solid(solid, ((solid, 0.0),)), body.error) for solid, body in zip(solids, pair.bodies, strict=True))
-        thin = overlap <= SKIN
+        thin = overlap <= max(SKIN, min(pair.deep, pair.error + SKIN))
         yield bounds, SolidPair(pair.one, pair.other, pair.error, True, 0.0, pair.deep, 1 if thin else patience, bodies=(one, other)), thin
