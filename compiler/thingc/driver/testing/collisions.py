@@ -119,7 +119,7 @@ class Collisions:
         parts, deep = self.assembly.occurrences, self.overlaps.deep
         sweep = Sweep(robot, start, ranges)
         close = [(first, second) for first, second in sorted(self.close) if not self._allowed_reason(parts[first], parts[second])]
-        moving = [pair for pair in (*self.pairs, *close) if sweep.between(*pair)[1]]
+        moving = [pair for pair in (*self.pairs, *close) if sweep.joints_between(*pair)[1]]
         for index in (index for pair in moving for index in pair):
             if parts[index].definition.text not in self._bodies:
                 self._bodies[parts[index].definition.text] = body_of(parts[index], self._solids[index], deep / 2.0)
@@ -139,7 +139,7 @@ class Collisions:
         """
         sweep, moving = self.moving_pairs(robot, start, check.ranges, check.clearance)
         pairs = [pair for pair in moving if only is None or (pair.one, pair.other) in only]
-        sampled = [pair for pair in pairs if len(sweep.between(pair.one, pair.other)[1]) > PROVED]
+        sampled = [pair for pair in pairs if len(sweep.joints_between(pair.one, pair.other)[1]) > PROVED]
         prove_pairs(sweep, [pair for pair in pairs if pair not in sampled], self.progress)
         missing = sample(sweep, sampled, quasi_random(check.samples, len(check.ranges)).tolist()) if sampled else 0
         return pairs, missing

@@ -47,13 +47,13 @@ def first_overlaps(robot: Robot, frame: Keyframe, ranges: Sequence[JointRange], 
     position of the range, and has an accuracy of 0.1 deg or 0.1 mm. Return None if several joints move the first pair.
     """
     sweep_all, worst = Sweep(robot, frame, ranges), pairs[0]
-    moving = sweep_all.between(worst.one, worst.other)[1]
+    moving = sweep_all.joints_between(worst.one, worst.other)[1]
     if len(moving) != 1:
         return None
     joint_range = ranges[min(moving)]
     joint = next(joint for joint in joints_of(robot.assembly) if joint.path == joint_range.joint)
     step, show = radians(0.1) if joint.turns else 1e-4, joint.twist.format
-    joint_pairs = [pair for pair in pairs if sweep_all.between(pair.one, pair.other)[1] == moving]
+    joint_pairs = [pair for pair in pairs if sweep_all.joints_between(pair.one, pair.other)[1] == moving]
 
     def position(number: int) -> float:
         return min(max(number * step, joint_range.lower), joint_range.upper)

@@ -152,7 +152,7 @@ class SolidPlace(Place[SolidPair]):
 
     def bounds(self, pairs: Sequence[SolidPair], half: Array) -> tuple[Array, Array]:
         """Return lower bounds of the distances [m] of parts, and the longest paths [m] of their points in a box."""
-        chains = [self.sweep.between(pair.one, pair.other)[0] for pair in pairs]
+        chains = [self.sweep.joints_between(pair.one, pair.other)[0] for pair in pairs]
         order = np.array([*zip_longest(*chains, fillvalue=-1)], dtype=int).reshape(-1, len(pairs))
         sides = [[(pair.one, pair.bodies[0]) for pair in pairs], [(pair.other, pair.bodies[1]) for pair in pairs]]
         spheres = np.array([[(*self.at(part).apply(body.middle), body.radius) for part, body in side] for side in sides])
@@ -244,7 +244,7 @@ class Sweep:
         self.moving = [[joint.path for joint in body.joints if self.leaders[joint.path] in moving] for body in robot.bodies]
         self._between: dict[tuple[int, int], tuple[list[int], frozenset[int], bool]] = {}
 
-    def between(self, first: int, second: int) -> tuple[list[int], frozenset[int], bool]:
+    def joints_between(self, first: int, second: int) -> tuple[list[int], frozenset[int], bool]:
         """Return the numbers of the joints that move between two parts, in order from the first part to the second part, the indices of the
         ranges that move the parts relative to each other, and whether a loop moves the parts.
         """
@@ -293,7 +293,7 @@ def prove(sweep: Sweep, pairs: Collection[SolidPair], counter: ProgressCounter |
     """Compare pairs in all positions of the ranges that move them, and record the results in the pairs. `counter` counts the pairs."""
     groups: dict[frozenset[int], list[SolidPair]] = {}
     for pair in pairs:
-        _, moving, looped = sweep.between(pair.one, pair.other)
+        _, moving, looped = sweep.joints_between(pair.one, pair.other)
         pair.method = "followed" if looped else "proved"
         groups.setdefault(moving, []).append(pair)
     for moving, group in groups.items():

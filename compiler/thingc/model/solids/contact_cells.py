@@ -39,7 +39,7 @@ def prove_pairs(sweep: Sweep, pairs: Sequence[SolidPair], progress: Progress | N
     """Compare pairs in all positions, except for the cells in which parts at a joint are always in contact. Show the progress."""
     counter = ProgressCounter(progress, "proving pairs", len(pairs))
     for pair in pairs:
-        joints, moving, looped = sweep.between(pair.one, pair.other)
+        joints, moving, looped = sweep.joints_between(pair.one, pair.other)
         pair.until_contact = pair.joined and len(joints) == len(moving) == 1 and not (looped or sweep.pitches[joints[0]])
     prove(sweep, pairs, counter)
     for pair in pairs:
@@ -53,7 +53,7 @@ def _divide(sweep: Sweep, pair: SolidPair) -> None:
     pair.found = pair.near = False
     place = sweep.place(sweep.initial)
     assert place is not None, "the loops close in the keyframe"
-    cells = _Cells(place, pair, sweep.between(pair.one, pair.other)[0][0])
+    cells = _Cells(place, pair, sweep.joints_between(pair.one, pair.other)[0][0])
     waiting = [(cells.bounds, pair)]
     touching: list[SolidPair] = []
     for patience in PATIENCE:

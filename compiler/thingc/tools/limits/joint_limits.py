@@ -230,7 +230,7 @@ class LimitSearch:
 
     def _skipped_names(self, sweep: Sweep) -> dict[str, list[str]]:
         """Return the names of the pairs that move relative to each other and are not compared, by reason."""
-        moving = {reason: [pair for pair in pairs if sweep.between(*pair)[1]] for reason, pairs in self._collisions.skipped.items()}
+        moving = {reason: [pair for pair in pairs if sweep.joints_between(*pair)[1]] for reason, pairs in self._collisions.skipped.items()}
         return {reason: [names_of(self._robot.assembly, *pair) for pair in pairs] for reason, pairs in moving.items() if pairs}
 
     def _names(self, pair: SolidPair | None) -> str | None:
