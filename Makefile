@@ -18,10 +18,12 @@ demo: $(VENV)/.thingc
 	@echo "  build/arm/bom.csv                 what to buy and print"
 	@echo "  build/arm/hag.svg                 its assembly graph"
 
-# mypy runs beside the tests, on whatever core is free.
+# mypy runs beside the tests, on whatever core is free. In a new checkout, pytest first compiles all tests once; otherwise, each worker
+# would compile them.
 test: $(VENV)/.thingc-dev
 	$(BIN)/ruff check .
-	$(BIN)/mypy & types=$$!; $(BIN)/pytest --jobs $(JOBS); tests=$$?; wait $$types && exit $$tests
+	$(BIN)/mypy & types=$$!; test -d tests/__pycache__ || $(BIN)/pytest --collect-only -qq > /dev/null; \
+	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder; tests=$$?; wait $$types && exit $$tests
 
 lint: $(VENV)/.thingc-dev
 	$(BIN)/ruff check .

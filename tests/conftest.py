@@ -24,7 +24,6 @@ sys.dont_write_bytecode = False
 sys.path[:] = [path for path in sys.path if os.path.abspath(path) != os.getcwd()]
 
 from conformance.harness import once, thingc_here
-from forked import pytest_addoption, pytest_runtestloop  # noqa: F401 - hooks
 from thingc.base.diagnostics import Code, Diagnostic, Report
 from thingc.geometry import client
 from thingc.geometry.client import Workers
@@ -114,7 +113,7 @@ _SAID = re.compile(rb'error\[TC899\]|title=TC899|\\*"(?:code|id|ruleId)\\*": ?\\
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run files with slow tests first, so that no process is busy alone at the end."""
+    """Run files with slow tests first, so that no process is busy alone at the end. `make test` tells xdist to keep this order."""
     slow = Counter(item.path for item in items if item.get_closest_marker("slow") is not None)
     items.sort(key=lambda item: -slow[item.path])
 

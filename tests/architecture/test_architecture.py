@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import ast
 import json
-import multiprocessing
 import re
 import subprocess
 import sys
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from enum import Enum
 from functools import cache
 from importlib import import_module
@@ -159,19 +158,12 @@ def test_isolated_folders_do_not_import_others() -> None:
                 assert not outside, f"{place} must not import {sorted(outside)}"
 
 
-def look_up_exported_names(packages: Sequence[str]) -> None:
-    """Look up all names that packages export."""
-    assert all(getattr(package, name) is not None for package in map(import_module, packages) for name in package.__all__)
-
-
 def test_exported_names_exist() -> None:
     """In a separate process: some names import JAX, which starts threads, and other tests fork."""
     packages = ("thingc", "thingc.batch", "thingc.batch.families", "thingc.modes", "thingc.targets")
     assert all(len(import_module(package).__all__) > 3 for package in packages)
-    process = multiprocessing.get_context("fork").Process(target=look_up_exported_names, args=(packages,))
-    process.start()
-    process.join()
-    assert process.exitcode == 0
+    look = "assert all(getattr(one, name) is not None for one in map(import_module, sys.argv[1:]) for name in one.__all__)"
+    subprocess.run([sys.executable, "-c", f"import sys\nfrom importlib import import_module\n{look}", *packages], check=True)
 
 
 def test_scripts_import_names_that_exist() -> None:
