@@ -195,7 +195,7 @@ def _zeros(model: mujoco.MjModel, file: Path) -> dict[str, float]:
     build = file.parents[2]
     losses = json.loads((build / "manifest.json").read_text())["losses"]
     mode = file.parent.name.removeprefix(f"{build.name}_")
-    what = "the zero pose: joint positions of 0 in the file mean the pose `(.*?)`"
+    what = "the zero pose: position 0 of each joint in the file corresponds to the pose `(.*?)`"
     said = [re.match(what, loss["what"]) for loss in losses if (loss["target"], loss["mode"]) == ("sdf", mode)]
     poses = [one[1] for one in said if one]
     if not poses:

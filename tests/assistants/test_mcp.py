@@ -374,7 +374,7 @@ def test_missing_extra_is_reported(monkeypatch: pytest.MonkeyPatch, capsys: pyte
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["mcp"]) == 2
     told = capsys.readouterr().err
-    assert "`thingc mcp` needs the package `mcp`, which is not installed" in told and "pip install 'thingc[mcp]'" in told
+    assert "`thingc mcp` requires the package `mcp`" in told and "pip install 'thingc[mcp]'" in told
 
 
 @pytest.mark.slow

@@ -51,8 +51,8 @@ def test_folder_with_other_files_is_not_changed(folder: Path, capsys: pytest.Cap
     code, lines = said(capsys, "build", "robot.yaml", "-o", "out", "--emit", "bom")
     assert code == 2
     assert lines == [
-        f"error[{Code.UNEXPECTED.code}]: `out/two` contains files that no build of `robot.yaml` wrote (`thesis.tex`); nothing was written",
-        "  help: move these files, or build into another folder with -o",
+        f"error[{Code.UNEXPECTED.code}]: `out/two` contains unknown files (`thesis.tex`)",
+        "  help: move the files, or build into another folder with -o",
         "", "1 error",
     ]
     assert [path.name for path in (folder / "out").rglob("*") if path.is_file() and path.suffix] == ["thesis.tex"]
@@ -389,8 +389,8 @@ def test_edited_build_files_are_kept(
     before = {path: (path.is_symlink(), path.is_file() and path.read_bytes()) for path in two.rglob("*")}
     for _ in range(2):
         code, lines = said(capsys, *words)
-        assert code == 2 and lines[0].startswith(f"error[{Code.UNEXPECTED.code}]: `out/two` contains files ") and f"`{name}`" in lines[0]
-        assert lines[1].endswith("or overwrite them with --force")
+        assert code == 2 and lines[0].startswith(f"error[{Code.UNEXPECTED.code}]: `out/two` contains ") and f"`{name}`" in lines[0]
+        assert lines[1].endswith("or use --force")
         assert {path: (path.is_symlink(), path.is_file() and path.read_bytes()) for path in two.rglob("*")} == before
     assert said(capsys, *words, "--force")[0] == 0
     assert sorted(path.name for path in two.iterdir()) == sorted(whole)
@@ -495,8 +495,8 @@ def test_installed_targets_declare_their_files(
             (folder / "robot.yaml").write_text(GOOD.replace("-90 deg", "-80 deg"))
     else:
         assert said(capsys, *words) == (1, [
-            f"error[{Code.UNSTATED.code}]: the target `ballast` writes `ballast.csv`, but `ballast_of_links.WRITES` does not list it",
-            '  help: ask the author of the package to list all files of the target: `WRITES = ("ballast.csv",)`',
+            f"error[{Code.UNSTATED.code}]: the target `ballast` writes the unlisted file `ballast.csv`",
+            '  help: ask the author of the package to write `WRITES = ("ballast.csv",)` in `ballast_of_links`',
             "", "1 error",
         ])
         assert not (folder / "out").exists()

@@ -129,7 +129,7 @@ def test_every_kind_of_test_can_be_added(document: Path, kind: str) -> None:
 
 def test_motion_test_requires_a_motion(document: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert main(["add", "test", "first", "--kind", "drive_margin", "--to", document.name]) == 2
-    assert "a `drive_margin` test needs a motion of the document" in capfd.readouterr().out
+    assert "a `drive_margin` test requires a motion of the document" in capfd.readouterr().out
 
 
 def test_modes_are_added_in_section_order(document: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -273,9 +273,9 @@ def test_part_adds_a_class_and_a_component(document: Path, capsys: pytest.Captur
         ("shelf:Board --on lid.top --by side --name x", "has no mount `side`"),
         ("shelf:Board --param lenght=10mm --name x", "did you mean `length`?"),
         ("shelf:Board", "already has a component `board`\n  help: choose another name with --name"),
-        ("shelf:Bord", "there is no part `shelf:Bord`\n  help: did you mean `shelf:Board`? To create a new class, add --new"),
+        ("shelf:Bord", "there is no part `shelf:Bord`\n  help: did you mean `shelf:Board`? Add --new to create a class"),
         ("shelv:Board", "there is no part `shelv:Board`\n  help: did you mean `shelf:Board`?"),
-        ("peg:Peg --on lid.top", "`peg:Peg` needs parameters, so its mounts are unknown\n  help: specify a mount of the part with --by"),
+        ("peg:Peg --on lid.top", "the mounts of `peg:Peg` are unknown without parameters\n  help: specify a mount with --by"),
         ("thingc_stock.wheels:Rim --on lid.top",
          "`thingc_stock.wheels:Rim` has several mounts\n  help: specify one of the mounts with --by (known mounts: "),
     ):
@@ -310,7 +310,7 @@ def test_part_without_a_document(document: Path, capsys: pytest.CaptureFixture[s
     ("mode x --to D --name y", "--name applies to a part or an assembly, not to a mode"),
     (
         "part old:Old",
-        "the part `old:Old` already exists; to place the part in a document, use --to\n  help: write, for example, --to robot.yaml",
+        "the part `old:Old` already exists\n  help: use --to to add the part to a document",
     ),
     ("part thingc_stock.servo:SG90 --to D", "there is no module `thingc_stock.servo`\n"),
     ("part thingc_stock.servos:SG9 --to D", "help: did you mean `thingc_stock.servos:SG90`?"),
@@ -319,33 +319,33 @@ def test_part_without_a_document(document: Path, capsys: pytest.CaptureFixture[s
     ("part old:Old --to D", "error[TC405]"),
     ("mood x --to D", "expected `part`, `assembly`, `mode`, `joint` or `test`, found `mood` (did you mean `mode`?)"),
     ("test x --to D", f"a test requires --kind\n  help: known kinds: {', '.join(f'`{kind}`' for kind in sorted(kinds()))}"),
-    ("test x --to D --kind mas", "there is no kind of test `mas`\n  help: did you mean `mass`?"),
-    ("joint x --to D", "a joint requires --parent and --child, two mounts\n  help: write, for example, `--parent base.top"),
+    ("test x --to D --kind mas", "there is no test kind `mas`\n  help: did you mean `mass`?"),
+    ("joint x --to D", "a joint requires --parent and --child\n  help: write, for example, `--parent base.top"),
     ("joint Wrist --to D --parent base.top --child arm.seat", "already has a joint `wrist`\n  help: choose another name"),
     ("joint x --to D --type hinge --parent a.b --child c.d", "expected `fixed`, `revolute`"),
     ("joint x --to D --parent base.top --child arm.seet", "error[TC303]"),
     ("joint x --to D --parent arm.end --child base.origin", "error[TC321]"),
     ("mode x --to D --root nothing", "error[TC302]"),
-    ("mode y --to D --root nothing", " was not changed; the diagnostics above refer to the new"),
+    ("mode y --to D --root nothing", " was not changed (the diagnostics refer to the new"),
     ("mode x --to D --standing-on arm.seat --root base",
-     "`arm.seat` in --standing-on is also the root of the mode, so --root must be omitted"),
+     "--root cannot be combined with a single mount in --standing-on (`arm.seat`)"),
     ("mode x --to D --standing-on arm.sole", "error[TC303]"),
     ("part X --standing-on arm.seat", "--standing-on applies to a mode, not to a part"),
-    ("mode x-y --to D", "`x-y` is not a valid name: use a letter, then letters, digits and `_`\n  help: write, for example, `x_y`"),
+    ("mode x-y --to D", "`x-y` is not a valid name (expected a letter, then letters, digits and `_`)\n  help: write, for example, `x_y`"),
     ("mode x --to D --pose nowhere", "`nowhere`"),
     ("assembly root --to D", "error[TC"),
     ("assembly rover --to D", "` contains itself: rover."),
     ("part class --to D", "`class` is a keyword of Python\n  help: specify a module: `thingc add part class_parts:Class`"),
     ("part numpy", "`numpy` is an installed Python module\n  help: specify a module: `thingc add part numpy_parts:Numpy`"),
-    ("part parts:None", "`None` is not available as the name of a class"),
-    ("part parts:Box", "`Box` is not available as the name of a class"),
+    ("part parts:None", "`None` cannot be used as a class name"),
+    ("part parts:Box", "`Box` cannot be used as a class name"),
     ("part Hand --to D", "already has a component `hand`"),
     ("part old:Old --new", "`parts/old.py` already has a `Old`"),
     ("part broken:New", "`parts/broken.py` cannot be read as Python: "),
     ("part New --to D --on base.bottom", "error[TC303]"),
     ("mode x --to missing.yaml", "error[TC802]"),
-    ("mode true --to D", "`true` is not a valid name: YAML reads it as another value"),
-    ("part away:New --to D", "a symbolic link leads out of the workspace: `parts/away.py`\n  help: use another module"),
+    ("mode true --to D", "`true` is not a valid name (YAML reads another value)"),
+    ("part away:New --to D", "the symbolic link `parts/away.py` leads out of the workspace\n  help: use another module"),
 ])
 def test_invalid_additions_are_reported_and_write_nothing(
     words: str, said: str, document: Path, capsys: pytest.CaptureFixture[str],

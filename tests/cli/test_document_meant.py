@@ -41,14 +41,14 @@ def test_several_or_no_robots_are_reported(workspace: Path, capsys: Said) -> Non
     (workspace / "again.yaml").write_text(ROBOT)
     assert main(["build"]) == 2
     assert capsys.readouterr().err == (
-        "error[TC801]: the argument DOC is required, because there are 2 robots in this folder\n"
+        "error[TC801]: the argument DOC is required in a folder with 2 robots\n"
         "  help: known robots: `again.yaml`, `robot.yaml`\n\n1 error\n"
     )
     for path in workspace.glob("*.yaml"):
         path.unlink()
     assert main(["view"]) == 2
     assert capsys.readouterr().err == (
-        "error[TC801]: the argument DOC is required, because there are no robots in this folder\n"
+        "error[TC801]: the argument DOC is required in a folder with no robots\n"
         "  help: run `thingc new NAME` to create one\n\n1 error\n"
     )
 
@@ -63,7 +63,7 @@ def test_robots_of_nested_workspaces_are_listed_first(
         (inner / "thingc.toml").write_text('thingc = "workspace/1"\n')
     monkeypatch.chdir(workspace / "robots")
     assert main(["info"]) == 2
-    assert "there are 2 robots in this folder\n  help: known robots: `one/robot.yaml`, `two/robot.yaml`\n" in capsys.readouterr().err
+    assert "a folder with 2 robots\n  help: known robots: `one/robot.yaml`, `two/robot.yaml`\n" in capsys.readouterr().err
 
 
 def test_document_nested_by_a_broken_one_is_not_a_robot(workspace: Path, capsys: Said) -> None:

@@ -175,7 +175,7 @@ def test_new_does_not_wait_for_another_command(here: Path, shared_store: str) ->
         fcntl.flock(stream, fcntl.LOCK_EX)
         done = run(here, shared_store, ["-m", "thingc", "new", "rover"])
     assert (done.returncode, done.stdout) == (2, "") and not (here / "rover").exists()
-    assert "another command is creating `rover`" in done.stderr and "wait until it has finished, or choose another name" in done.stderr
+    assert "another command is creating `rover`" in done.stderr and "wait until the command has finished" in done.stderr
 
 
 def test_interrupt_during_a_refusal_counts(here: Path, shared_store: str) -> None:

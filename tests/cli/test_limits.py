@@ -186,7 +186,7 @@ def test_limits_of_nested_documents_are_reported_as_not_written(rig: Workspace) 
     document.write_text(text)
     code, out, err = run("limits", str(document), "--write")
     assert code == 0 and "inner.pin and inner.vane" in out, out + err
-    assert "note: limits of joints of nested documents are not written: `inner.turn`" in err
+    assert "note: the limits of joints in nested documents are not written (`inner.turn`)" in err
     assert document.read_text() == text
 
 
@@ -203,9 +203,9 @@ def test_pairs_of_joints_are_checked(rig: Workspace) -> None:
 
 
 @pytest.mark.parametrize(("words", "said"), [
-    (["trun"], "there is no joint `trun` that can be moved"), (["--pose", "up"], "there is no pose `up`"),
+    (["trun"], "there is no movable joint `trun`"), (["--pose", "up"], "there is no pose `up`"),
     (["--resolution", "3 kg"], "--resolution"), (["--resolution", "fine"], "--resolution"), (["--resolution", "0 deg"], "--resolution"),
-    (["--resolution", "1 m"], "`1 m` does not apply, because none of these joints slides"),
+    (["--resolution", "1 m"], "expected an angle, found `1 m`"),
     (["--mode", "bnch"], "bnch"),
 ])
 def test_invalid_command_lines(rig: Workspace, words: list[str], said: str) -> None:
@@ -217,4 +217,4 @@ def test_slide_without_limits_is_an_error(rig: Workspace) -> None:
     text = SLIDERS.replace("type: prismatic, parent: ground.slide, child: left.left, limit: {lower: -200 mm, upper: 200 mm}",
                            "type: cylindrical, parent: ground.slide, child: left.left")
     code, out, err = run("limits", str(rig.write(text.partition("poses:")[0] + "modes: {bench: {root: ground}}\n")))
-    assert code in (1, 2) and "joint `one[1]` slides without limits" in out + err
+    assert code in (1, 2) and "the sliding joint `one[1]` has no limits" in out + err

@@ -211,11 +211,11 @@ def no_screen(folder: Path) -> dict[str, str]:
 
 @pytest.mark.parametrize(("without", "said"), [
     (no_egl, "error[TC808]: cannot render with MUJOCO_GL=egl: the library is missing\n"
-     "  help: install EGL (Debian, Ubuntu: apt install libegl1); it needs neither a screen nor a graphics card\n"),
-    (no_screen, "error[TC808]: cannot render with MUJOCO_GL=glfw: GLFW needs a screen\n"
-     "  help: set MUJOCO_GL=egl before MuJoCo is imported; it needs neither a screen nor a graphics card\n"),
+     "  help: install EGL (Debian, Ubuntu: apt install libegl1)\n"),
+    (no_screen, "error[TC808]: cannot render with MUJOCO_GL=glfw: GLFW requires a screen\n"
+     "  help: set MUJOCO_GL=egl before MuJoCo is imported\n"),
     (lambda _: {"MUJOCO_GL": "pencil"}, "error[TC808]: cannot render with MUJOCO_GL=pencil: invalid value for environment "
-     "variable MUJOCO_GL: pencil\n  help: set MUJOCO_GL=egl before MuJoCo is imported; it needs neither a screen nor a graphics card\n"),
+     "variable MUJOCO_GL: pencil\n  help: set MUJOCO_GL=egl before MuJoCo is imported\n"),
 ], ids=["no EGL", "no screen", "no such thing"])
 def test_machine_without_rendering_support(lamp: Path, tmp_path: Path, without: Callable[[Path], dict[str, str]], said: str) -> None:
     more = without(tmp_path)
@@ -231,7 +231,7 @@ def test_graphics_fail_if_mujoco_was_imported_without_a_screen(tmp_path: Path) -
     code += "try: ready()\nexcept NoGraphics as fault: print(fault)"
     env = {name: value for name, value in os.environ.items() if name not in ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY")}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env, cwd=tmp_path)
-    assert (done.returncode, done.stdout) == (0, "cannot render with MUJOCO_GL=glfw: GLFW needs a screen\n"), done.stderr
+    assert (done.returncode, done.stdout) == (0, "cannot render with MUJOCO_GL=glfw: GLFW requires a screen\n"), done.stderr
 
 
 WRONG = {
@@ -245,8 +245,8 @@ WRONG = {
     "--azimuth north": "--azimuth: expected degrees from -360 to 360, found `north`\n  help: run `thingc render --help` for usage",
     "--elevation 91": "--elevation: expected degrees from -90 to 90, found `91`\n  help: run `thingc render --help` for usage",
     "--elevation nan": "--elevation: expected degrees from -90 to 90, found `nan`\n  help: run `thingc render --help` for usage",
-    "-o arm.jpg": "-o: expected the name of a .png file, found `arm.jpg`\n  help: write, for example, -o arm.png",
-    "-o nowhere/arm.png": "-o: there is no folder `nowhere`\n  help: create the folder, or choose another one",
+    "-o arm.jpg": "-o: expected a .png file, found `arm.jpg`\n  help: write, for example, -o arm.png",
+    "-o nowhere/arm.png": "-o: there is no folder `nowhere`\n  help: create the folder, or choose another folder",
 }
 
 

@@ -152,7 +152,7 @@ def test_missing_derivative_is_an_error_at_the_parameter(robot: str, capsys: pyt
 @pytest.mark.parametrize(("words", "message"), [
     (["--of", "mas"], "there is no result `mas`\n  help: did you mean `mass`?"),
     (["--of", "tests.clear"],
-     "`tests.clear` has no derivatives, because the result of a `no_collision` test is not a smooth function\n"
+     "`tests.clear` has no derivatives (kind `no_collision`)\n"
      "  help: remove `tests.clear`"),
     (["--of", "tests.heavy"], "there is no test `heavy`\n  help: known tests: "),
     (["--of", "tests.holds.hig"], "there is no result `tests.holds.hig`\n  help: did you mean"),

@@ -139,7 +139,7 @@ def test_renamed_components_have_a_reason(crane: Snapshot, tmp_path: Path, share
     """A unique match has a reason. Three similar lamps are matched by position and marked as uncertain."""
     comparison = compare(crane, drawn(write(tmp_path, ("  hook: {", "  grab: {"), ("  lamp:\n", "  light:\n")), shared_store))
     assert {(c.path, c.new_path, c.reason, c.because) for c in comparison.changes if c.path == "hook"} == {
-        ("hook", "grab", "the same definition, and it is attached to `boom` as before", ()),
+        ("hook", "grab", "the same definition, attached to `boom` as before", ()),
     }
     # three lamps meet the boom in the same way: their places tell them apart, which is said with doubt
     lamps = [c for c in comparison.changes if c.path.startswith("lamp")]

@@ -127,7 +127,7 @@ def test_errors_of_a_revision_are_reported(repository: Path, capsys: pytest.Capt
     (["main", "--", "crain.yaml"], "there is no document `crain.yaml` in main or working tree", "did you mean `robots/crane.yaml`?"),
     (["main", "longer", "HEAD"], "expected two states, found 3 arguments", "write the documents to compare after `--`"),
     (["main", "--", "crane.yaml", "--format"], "there is no document `--format` in main or working tree", "known documents:"),
-    ([".", "crane.yaml"], "the folder `.` is not a build folder: it has no manifest.json", "use a build folder or a document"),
+    ([".", "crane.yaml"], "the folder `.` is not a build folder (no manifest.json)", "use a build folder or a document"),
     (
         ["crane.yaml", "cabin.yaml", "--", "crane.yaml"], "documents after `--` can only be used with two revisions",
         "thingc diff OLD.yaml NEW.yaml",
@@ -145,4 +145,4 @@ def test_missing_repository_is_a_usage_error(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
     err = said(capsys, "main", code=2)
     assert "`main` is not a file, a folder or a revision: fatal: not a git repository" in err
-    assert "use two documents, or run this in a Git repository" in err
+    assert "use two documents, or run the command in a Git repository" in err

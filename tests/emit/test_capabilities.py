@@ -111,9 +111,9 @@ def test_format_without_features_loses_everything(robot: Any) -> None:
     """A format that supports nothing reports every feature of the robot as an export loss."""
     drive = "the drive: position, kp 4, kv 0.0005"
     assert lost(robot, every(OMITTED)) == [
-        (None, "c1/a", "the adhesion of 300 N"), (None, "tilt", "this sensor"), (None, "push", "this sensor"),
-        (None, "turn", "this sensor"),
-        (None, "eye", "this sensor"), (None, "home", "this pose"), (None, "all", "the time step"),
+        (None, "c1/a", "the adhesion of 300 N"), (None, "tilt", "the sensor"), (None, "push", "the sensor"),
+        (None, "turn", "the sensor"),
+        (None, "eye", "the sensor"), (None, "home", "the pose"), (None, "all", "the time step"),
         (None, "all", "the `simulation` settings"),
         (None, "j1", "the motion"), (None, "j1", "the velocity limit of 2 rad/s"), (None, "j1", "the drive: motor"),
         (None, "j2", "the motion"), (None, "j2", "the damping of 0.1 N m s/rad"), (None, "j2", "the dry friction of 0.2 N m"),
@@ -122,12 +122,12 @@ def test_format_without_features_loses_everything(robot: Any) -> None:
         (None, "j6", "the motion"), (None, "j7", "the thread"), (None, "j8", "the motion"), (None, "j8", "the cone of 0.5 rad"),
         (None, "j9", "the motion"), (None, "j9", "the mimic of `j1`"),
         (None, "j9", "the polynomial in the mimic of `j1`"),
-        ("still", "c1/a", "the hold of this mount"), ("still", "close", "the loop through this joint"), ("still", "still", "the gravity"),
-        ("still", "still", "excluded contacts, except between links that a joint connects"),
-        ("carried", "close", "the loop through this joint"),
-        ("carried", "carried", "the held base, which can be moved at run time"), ("afloat", "close", "the loop through this joint"),
-        ("afloat", "afloat", "the free base"), ("afloat", "afloat", "the start pose"), ("gliding", "close", "the loop through this joint"),
-        ("gliding", "gliding", "the motion of the base"), ("turning", "close", "the loop through this joint"),
+        ("still", "c1/a", "the hold of the mount"), ("still", "close", "the loop through the joint"), ("still", "still", "the gravity"),
+        ("still", "still", "excluded contacts of links without a common joint"),
+        ("carried", "close", "the loop through the joint"),
+        ("carried", "carried", "the motion of the held base"), ("afloat", "close", "the loop through the joint"),
+        ("afloat", "afloat", "the free base"), ("afloat", "afloat", "the start pose"), ("gliding", "close", "the loop through the joint"),
+        ("gliding", "gliding", "the motion of the base"), ("turning", "close", "the loop through the joint"),
         ("turning", "turning", "the motion of the base"),
     ]
 

@@ -97,7 +97,7 @@ def test_losses_depend_on_selected_readers(
     assert {line.split(": ")[-2] for line in lost("--compat", "drake") - without} == {"not supported by Drake"}
     (document.parent / "thingc.toml").write_text('thingc = "workspace/1"\ncompat = ["pymjcf"]\n')
     assert [line.partition(": ")[2] for line in lost() - without] == [
-        "mjcf: r: `/` in names, which PyMJCF rejects: `.` is used: approximated",
+        "mjcf: r: `/` in names: replaced by `.` for PyMJCF (approximated)",
     ]
     assert main(["why", "--losses", str(document), "--compat", "mjxx", "--store", shared_store]) == 2
     assert "did you mean `mjx`?" in capsys.readouterr().err

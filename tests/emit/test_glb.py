@@ -293,8 +293,8 @@ def test_couplings_between_joints_are_losses(store: Store) -> None:
     robots = (asked.robots[0], replace(closed, closures=(held, loop)), third)
     lost = (
         (None, "j6", "the thread: glTF cannot couple the rotation and the translation of a node"),
-        ("m3", "c3/b", "the hold of this mount: rotating the nodes of joints moves the held mount"),
-        ("m3", "close", "the loop through this joint: rotating the nodes of joints opens the loop"),
+        ("m3", "c3/b", "the hold of the mount: rotating the nodes of joints moves the held mount"),
+        ("m3", "close", "the loop through the joint: rotating the nodes of joints opens the loop"),
         (None, joint.path, "the mimic of `j1`: the node of the joint does not follow the other joint"),
     )
     assert emit(replace(asked, robots=robots)).losses == tuple(

@@ -493,7 +493,7 @@ def test_name_clash_with_screw_slide_is_reported(tmp_path: Path) -> None:
     request = build_request(document("r", balls(3, {}), turns, modes=[mode("m", ref("c0.in"))]), {}, str(tmp_path))
     emit(request)
     assert [one.message for one in request.report.diagnostics] == [
-        "`spindle_slide` and the slide of `spindle` would both be the joint `spindle_slide` in URDF",
+        "`spindle_slide` and the slide of `spindle` have the same joint name in URDF (`spindle_slide`)",
     ]
 
 
@@ -585,7 +585,7 @@ def test_mount_named_like_the_robot_is_reported(tmp_path: Path) -> None:
     request = build_request(document("r", balls(2, {}), joint, modes=[mode("m", ref("c0.out"))], mounts={"r": "c1.out"}), {}, str(tmp_path))
     emit(request)
     (found,) = request.report.diagnostics
-    assert found.code is Code.SAME_NAME and found.message == "`r` and the group of all joints would both be the group `r` in SRDF"
+    assert found.code is Code.SAME_NAME and found.message == "`r` and the group of all joints have the same group name in SRDF (`r`)"
 
 
 # --- which links meet --------------------------------------------------------------------------------------------------
@@ -840,7 +840,7 @@ def test_losses_match_urdf_except_for_other_files(tmp_path: Path) -> None:
     made = emit(request)
     assert {loss.target for loss in made.losses} == {"ros"}
     assert of_urdf - {(loss.path, loss.what) for loss in made.losses} == {
-        ("p", "this pose: not supported by URDF"), ("m", "excluded contacts, except between links that a joint connects"),
+        ("p", "the pose: not supported by URDF"), ("m", "excluded contacts of links without a common joint"),
         ("knee", "the drive: position, kp 5: a transmission without gains"),
     }
     omitted = {(loss.path, loss.what) for loss in made.losses if loss.how == "omitted"}

@@ -396,7 +396,7 @@ def test_robot_named_world_is_an_error(tmp_path: Path, capsys: pytest.CaptureFix
     (tmp_path / "robot.yaml").write_text("thingc: assembly/1\nname: world\ncomponents: {base: {frame: true}}\n")
     assert main(["build", str(tmp_path / "robot.yaml"), "-o", str(tmp_path / "build"), "--emit", "sdf"]) == 1
     said = capsys.readouterr().err
-    assert "error[TC709]: the robot and the world would both have the name `world` in SDF" in said and "robot.yaml:2:7" in said
+    assert "error[TC709]: the robot and the world have the same name in SDF (`world`)" in said and "robot.yaml:2:7" in said
 
 
 def test_floating_robot_starts_on_the_floor(tmp_path: Path) -> None:
@@ -425,29 +425,29 @@ def test_losses_have_the_line_of_their_cause(every: Compiled) -> None:
 
     assert lost(None) == {
         ("turn", "the armature of 0.3 kg m^2", "omitted", "turn"),
-        ("turn", "the drive: position, kp 5, kv 0.5, which only Gazebo reads", "carried as custom data", "drive"),
-        ("wheel", "the drive: velocity, kv 2, which only Gazebo reads", "carried as custom data", "wheel"),
-        ("rail", "the drive: motor, which only Gazebo reads", "carried as custom data", "rail"),
+        ("turn", "the drive: position, kp 5, kv 0.5: only read by Gazebo", "carried as custom data", "drive"),
+        ("wheel", "the drive: velocity, kv 2: only read by Gazebo", "carried as custom data", "wheel"),
+        ("rail", "the drive: motor: only read by Gazebo", "carried as custom data", "rail"),
         ("hip", "the cone of 1.0472 rad", "omitted", "hip"),
         ("hip", "the damping of 0.1 N m s/rad: not supported by SDF for ball joints", "omitted", "hip"),
         ("hip_0", "the drive: motor about 0, 0, 1", "omitted", "drive"),
-        ("sleeve", "the motion: a joint for each coordinate, with links of 1e-9 kg between these joints", "approximated", "sleeve"),
-        ("sleeve", "the excluded contact between the links of this joint", "omitted", "sleeve"),
-        ("home", "this pose: not supported by SDF", "omitted", "home"),
+        ("sleeve", "the motion: a joint for each coordinate, with links of 1e-9 kg between the joints", "approximated", "sleeve"),
+        ("sleeve", "the excluded contact between the links of the joint", "omitted", "sleeve"),
+        ("home", "the pose: not supported by SDF", "omitted", "home"),
         ("every", "the `simulation` settings", "omitted", "simulation"),
-        ("wheel", "this sensor: SDF has no joint sensor", "omitted", "wheel"),
+        ("wheel", "the sensor: SDF has no joint sensor", "omitted", "wheel"),
     }
     assert lost("first") == lost("fork") == set()
     assert lost("last") == {
-        ("last", "the gravity, which is written only to the world file", "carried as custom data", "last"),
-        ("last", "the held base, which can be moved at run time: the base is fixed in the file", "approximated", "last"),
+        ("last", "the gravity: only written to the world file", "carried as custom data", "last"),
+        ("last", "the motion of the held base: the base is fixed in the file", "approximated", "last"),
     }
-    base = "the motion of the base: a joint for each coordinate, with links of 1e-9 kg between these joints"
+    base = "the motion of the base: a joint for each coordinate, with links of 1e-9 kg between the joints"
     assert lost("rolling") == {
         ("wrist", "the force at the mount: the sensor measures the force through joint `rail`", "approximated", "wrist"),
         ("rolling", base, "approximated", "rolling"),
     }
-    assert lost("swinging") == {("swinging", "excluded contacts, except between links that a joint connects", "omitted", "swinging")}
+    assert lost("swinging") == {("swinging", "excluded contacts of links without a common joint", "omitted", "swinging")}
 
 
 # --- loops and holds ----------------------------------------------------------------------------------------------------
@@ -478,7 +478,7 @@ def test_loops_are_closed_at_zero(fourbar: Compiled, mode: str) -> None:
     limit = model.element("pivot").find("axis/limit")
     assert limit is not None
     assert number(limit, "lower") == pytest.approx(math.radians(5) - start.q["pivot"], abs=1e-12)
-    what = "the zero pose: joint positions of 0 in the file mean the pose `at_20`, in which all loops are closed"
+    what = "the zero pose: position 0 of each joint in the file corresponds to the pose `at_20`"
     assert (mode, what, "approximated") in [loss[:3] for loss in fourbar.losses(mode)]
 
 

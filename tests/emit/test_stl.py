@@ -75,7 +75,7 @@ def test_open_mesh_is_a_loss(store: Store) -> None:
     assert "stl/cad.motor.step.stl" in made.files
     assert made.losses == (Loss(
         target="stl", mode=None, path="motor", how="approximated", origin=motor.origin,
-        what="the surface of `cad/motor.step` is not closed, so it has no volume to print",
+        what="the surface of `cad/motor.step` is not closed",
     ),)
 
 
@@ -92,7 +92,7 @@ def test_clashing_file_names_are_an_error(store: Store) -> None:
     emit(asked)
     (said,) = asked.report.diagnostics
     assert said.code is Code.SAME_FILE
-    assert said.message == "`cad/motor.step` and `cad.Motor/step` would both be written as `stl/cad.motor.step.stl`"
+    assert said.message == "`cad/motor.step` and `cad.Motor/step` have the same file name (`stl/cad.motor.step.stl`)"
     assert said.help == "rename one of the two files"
     assert said.span is not None and said.span.line == 19
     (note,) = said.notes
@@ -124,4 +124,4 @@ def test_second_print_orientation_is_a_loss(store: Store) -> None:
     whole = with_changes(assembly(store), "brace_b", overrides=Overrides(up=(1.0, 0.0, 0.0)))
     (loss,) = emit(request(whole, store)).losses
     assert loss.path == "brace_b" and loss.how == "omitted"
-    assert loss.what == f"`arm:Brace(length=0.12)` is printed in two orientations; `{BRACE}` uses the orientation of `brace_a`"
+    assert loss.what == f"`arm:Brace(length=0.12)` is printed in two orientations (`{BRACE}` has the orientation of `brace_a`)"

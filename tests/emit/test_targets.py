@@ -180,15 +180,15 @@ def test_similar_losses_are_merged(tmp_path: Path, shared_store: str, capsys: py
     ]))
     assert main(["why", "--losses", str(document), "--emit", "urdf", "--store", shared_store]) == 0
     assert [line.partition("r.yaml:")[2] for line in capsys.readouterr().out.splitlines()] == [
-        "9: urdf: j0, j1: the armature of 2e-06 kg m^2: omitted",
-        "10: urdf: j1, j2: the stiffness of ... N m/rad: omitted",
-        "13: urdf: modes m, n: the held base, which can be moved at run time: the base is fixed in the file: approximated",
+        "9: urdf: j0, j1: the armature of 2e-06 kg m^2 (omitted)",
+        "10: urdf: j1, j2: the stiffness of ... N m/rad (omitted)",
+        "13: urdf: modes m, n: the motion of the held base: the base is fixed in the file (approximated)",
     ]
 
 
 @pytest.mark.parametrize(("words", "said"), [
-    (["--emit", ""], "`--emit` has no target"), (["--emit", ","], "`--emit` has no target"),
-    (["--emit", "urdf", "--compat", "mjx"], "`--compat` requires MuJoCo models, but `--emit` does not include `mjcf`"),
+    (["--emit", ""], "`--emit` requires a target"), (["--emit", ","], "`--emit` requires a target"),
+    (["--emit", "urdf", "--compat", "mjx"], "`--compat` requires the target `mjcf`"),
 ])
 def test_empty_or_unused_options_are_usage_errors(tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str) -> None:
     """An empty `--emit`, or `--compat` without MuJoCo models, is a usage error, and no file is written."""

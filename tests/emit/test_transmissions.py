@@ -105,10 +105,10 @@ def test_unsupported_transmissions_are_losses(tmp_path: Path) -> None:
     lost = losses(build_targets(tmp_path, NEITHER))
     backlash = {(target, "knee", "the backlash of 0.1 rad", "omitted") for target in ("urdf", "ros", "sdf", "usd")}
     assert backlash | {("mjcf", "knee", "the backlash of 0.1 rad", "carried as custom data")} <= lost
-    symmetric = "the transmission of this differential: ROS only has transmissions of two actuators, with a symmetric matrix"
+    symmetric = "the transmission of the differential: ROS supports only two actuators and a symmetric matrix"
     assert {(target, "wrist", symmetric, "omitted") for target in ("urdf", "ros")} <= lost
     for target in ("sdf", "usd"):
-        assert {(target, f"wrist_{k}", "this drive of the differential `wrist`", "omitted") for k in range(2)} <= lost
+        assert {(target, f"wrist_{k}", "the drive of the differential `wrist`", "omitted") for k in range(2)} <= lost
     assert {(target, "wrist_0", "the armature of 0.001 kg m^2", "omitted") for target in ("urdf", "ros")} <= lost
     assert not any(target == "mjcf" and path.startswith("wrist") for target, path, _, _ in lost)
 
@@ -137,7 +137,7 @@ def test_urdf_import_keeps_transmissions(file: str, matrix: str, tmp_path: Path)
 @pytest.mark.parametrize(("old", "new", "why"), [
     ("<mechanicalReduction>-9</mechanicalReduction>", "<mechanicalReduction>0</mechanicalReduction>", "unknown type, or a reduction of 0"),
     ("DifferentialTransmission", "HarmonicTransmission", "unknown type, or a reduction of 0"),
-    ('name="wrist"', 'name="belt"', "another transmission has its name or drives its joints"),
+    ('name="wrist"', 'name="belt"', "another transmission has the same name or joints"),
 ])
 def test_invalid_reductions_are_import_losses(old: str, new: str, why: str, tmp_path: Path) -> None:
     """A reduction of 0, an unknown type or a duplicate name is one import loss, and the imported document compiles."""

@@ -199,7 +199,7 @@ def test_screw_slide_has_limits_from_its_rotation(lead: float, tmp_path: Path) -
     assert ends == {"rotZ": (-90.0, 180.0), "transZ": pytest.approx(slide, rel=1e-6)}
 
 
-MIMIC = ", for two hinges or two slides; read by Newton, and by PhysX for hinges with limits"
+MIMIC = ": read by Newton and partly by PhysX"
 
 
 def applied_schemas(prim: Any) -> set[str]:
@@ -253,7 +253,7 @@ def test_values_beyond_float_range_are_losses(tmp_path: Path) -> None:
     document = document.replace("kp: 1 N*m/rad", "kp: 1 N*m/rad, kv: 1e39 N*m*s/rad")
     made = Compiled(tmp_path, document, "usd")
     infinite = [loss[:3] for loss in made.losses(None) if "infinite" in loss[1]]
-    end = "infinite in the file, which supports numbers up to 3.4e+38"
+    end = "infinite in the file (above 3.4e+38)"
     assert infinite == [
         ("a", f"the kv of 1e+39 N m s/rad: {end}", "approximated"), ("d", f"the velocity limit of 1e+38 rad/s: {end}", "approximated"),
     ]
@@ -291,7 +291,7 @@ def test_mimics_between_joint_kinds_are_losses(tmp_path: Path) -> None:
         ("b", f"the mimic of `a`{MIMIC}", "carried as custom data"),
         ("c", f"the mimic of `a`{MIMIC}", "carried as custom data"),
         ("d", "the effort limit of 7 N m: only drives have an effort limit", "omitted"),
-        ("c", "the mimic of `a`: a hinge can mimic only a hinge, and a slide only a slide", "omitted"),
+        ("c", "the mimic of `a`: a hinge cannot mimic a slide, nor a slide a hinge", "omitted"),
     ]
 
 
@@ -309,7 +309,7 @@ def test_reversed_planar_joint_is_two_joints(tmp_path: Path) -> None:
     assert (turn.parent, turn.child, turn.free) == ("c1", "p_2_link", ["rotZ"])
     assert (slides.parent, slides.child, slides.free) == ("p_2_link", "c0", ["transX", "transY"])
     assert back.inertia("p_2_link")[0] == pytest.approx(1e-9) and back.faults() == []
-    what = "the motion: 2 separate joints, with a link of 1e-9 kg between the joints"
+    what = "the motion: written as 2 joints, with links of 1e-9 kg between the joints"
     assert made.losses("there") == [] and [loss[:3] for loss in made.losses("back")] == [("p", what, "approximated")]
 
 
@@ -319,14 +319,14 @@ def test_losses_have_the_line_of_their_cause(every: Compiled) -> None:
         lines = ["", *(line.strip() for line in EVERY.split("\n"))]
         return [(path, what, how, re.split(r"[:{]", lines[line])[0]) for path, what, how, line in every.losses(mode)]
 
-    newton, alone = "carried as custom data", ", read by Newton, and by PhysX except for ball joints; not written for generic joints"
-    cone = "the cone of 1.0472 rad: the file limits the tilt of an axis, but not the rotation about this axis"
+    newton, alone = "carried as custom data", ": read by Newton and partly by PhysX"
+    cone = "the cone of 1.0472 rad: the rotation about the axis is not limited in the file"
     assert lost(None) == [
-        ("eye", "this sensor: not supported by UsdPhysics", "omitted", "eye"),
-        ("imu", "this sensor: not supported by UsdPhysics", "omitted", "imu"),
-        ("wrist", "this sensor: not supported by UsdPhysics", "omitted", "wrist"),
-        ("wheel", "this sensor: not supported by UsdPhysics", "omitted", "wheel"),
-        ("home", "this pose: not supported by UsdPhysics", "omitted", "home"),
+        ("eye", "the sensor: not supported by UsdPhysics", "omitted", "eye"),
+        ("imu", "the sensor: not supported by UsdPhysics", "omitted", "imu"),
+        ("wrist", "the sensor: not supported by UsdPhysics", "omitted", "wrist"),
+        ("wheel", "the sensor: not supported by UsdPhysics", "omitted", "wheel"),
+        ("home", "the pose: not supported by UsdPhysics", "omitted", "home"),
         ("every", "the time step", "omitted", "simulation"),
         ("every", "the `simulation` settings", "omitted", "simulation"),
         ("turn", f"the damping of 0.1 N m s/rad{alone}", newton, "turn"),
@@ -339,11 +339,11 @@ def test_losses_have_the_line_of_their_cause(every: Compiled) -> None:
         ("hip", cone, "approximated", "hip"),
         ("hip_0", "the drive: motor about 0, 0, 1", "omitted", "drive"),
         ("spindle", "the thread: rotation and translation are independent", "approximated", "spindle"),
-        ("fork", "the motion: rotates about X before Y, as in Newton; UsdPhysics does not define the order", "approximated", "fork"),
+        ("fork", "the motion: the order of the rotations is not defined by UsdPhysics", "approximated", "fork"),
     ]
     assert lost("first") == lost("fork") == lost("rolling") == lost("swinging") == []
     assert lost("last") == [
-        ("last", "the held base, which can be moved at run time: the base is fixed in the file", "approximated", "last"),
+        ("last", "the motion of the held base: the base is fixed in the file", "approximated", "last"),
     ]
 
 
@@ -483,7 +483,7 @@ def test_collision_shapes_are_guides_with_friction(tmp_path: Path) -> None:
     assert authored_attributes(material.GetPrim(), "newton:") == {"newton:torsionalFriction": 0.01, "newton:rollingFriction": 0.001}
     said_of = {(one.path, one.what, one.how) for one in made.losses}
     for kind in ("torsional", "rolling"):
-        assert (first.material.name, f"the {kind} friction, which only Newton reads", "carried as custom data") in said_of
+        assert (first.material.name, f"the {kind} friction: only read by Newton", "carried as custom data") in said_of
 
 
 def test_default_friction_is_that_of_mujoco(tmp_path: Path) -> None:

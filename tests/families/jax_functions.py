@@ -70,7 +70,7 @@ def test_what_jax_cannot_do_is_explained(everything: thingc.RobotFamily, monkeyp
     with pytest.raises(FamilyError, match="expected `dtype` to be \"float64\" or \"float32\", found `float16`"):
         function.jax(dtype="float16")
     monkeypatch.setattr(jax_function, "LONGEST", 10)
-    with pytest.raises(FamilyError, match=r"the function has \d+ operations, but JAX can compile at most 10: use `value` instead"):
+    with pytest.raises(FamilyError, match=r"the number of operations \(\d+\) exceeds the maximum of JAX \(10\): use `value` instead"):
         function.jax()
     monkeypatch.undo()
     monkeypatch.delitem(jax_function.FUNCTIONS, "_principal_moments")

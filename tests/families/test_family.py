@@ -123,7 +123,7 @@ def test_rules_and_numbers_use_evaluated_parameters(
 def test_missing_result_has_a_reason(everything: thingc.RobotFamily) -> None:
     with pytest.raises(KeyError, match="there is no result `mas`: did you mean `mass`"):
         everything.evaluate({})["mas"]
-    rejected = r"result `mass` does not exist, because the settings .* are rejected: parameter `load` must be at most 20 kg"
+    rejected = r"result `mass` does not exist for the rejected settings .*: parameter `load` must be at most 20 kg"
     with pytest.raises(KeyError, match=rejected):
         everything.evaluate({"load": 30.0})["mass"]
 
@@ -307,7 +307,7 @@ def test_adopted_settings_are_written_to_the_document(tmp_path: Path) -> None:
             ({"components.boom.mass": 3.0, "nothing": 1.0}, "nothing"),
             (
                 {"components.cap.components.knob.mass": 0.02},
-                "is defined in `cap.yaml`, so the change would affect every component that uses this document",
+                "is defined in the nested document `cap.yaml`",
             ),
             ({"joints.*.limt.upper": 1.0}, "`joints.lift` has no `limt`"),
         ):

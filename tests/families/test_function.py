@@ -311,7 +311,7 @@ def test_nearby_kink_or_jump_is_an_error(special: thingc.RobotFamily, monkeypatc
     for changed in (kinked, jumping):
         with monkeypatch.context() as patch:
             patch.setattr(FamilyFunction, "value", changed)
-            with pytest.raises(NotDifferentiable, match="with respect to `twist` at twist = 0 rad: a result or a derivative jumps there"):
+            with pytest.raises(NotDifferentiable, match="with respect to `twist` at twist = 0 rad"):
                 function.jacobian([0.0])
 
 
@@ -351,16 +351,16 @@ def test_wrong_plan_is_discarded(workspace: Path, monkeypatch: pytest.MonkeyPatc
 
 BAD: list[tuple[dict[str, Any], str]] = [
     ({"names": ["lod"]}, "the document has no number `lod`: did you mean `load`?"),
-    ({"names": ["heavy"]}, "expected a number as the value of `heavy`, found `false`: remove `heavy`, or set its value separately"),
+    ({"names": ["heavy"]}, "expected a number as the value of `heavy`, found `false`: remove `heavy`, or set the value separately"),
     (
         {"names": ["joints.*.offset"]},
         "expected the name of one number, found `joints.*.offset`: write each name separately, without patterns",
     ),
     ({"names": ["joints.lift.velocty"]}, "the document has no number at `joints.lift.velocty`: correct the path, or add a value"),
     ({"names": ["load"], "at": [1]}, "expected `at` to be a mapping from names to values, found `[1]`"),
-    ({"names": ["load"], "at": {"lo*": 1.0}}, "`load` is given twice: keep only one of the two"),
-    ({"names": ["load", "load"]}, "`load` is given twice: keep only one of the two"),
-    ({"names": ["load"], "at": {"load": 1.0}}, "`load` is given twice: keep only one of the two"),
+    ({"names": ["load"], "at": {"lo*": 1.0}}, "`load` is given twice: keep only one of the values"),
+    ({"names": ["load", "load"]}, "`load` is given twice: keep only one of the values"),
+    ({"names": ["load"], "at": {"load": 1.0}}, "`load` is given twice: keep only one of the values"),
     ({"names": ["load"], "outputs": ["mas"]}, "there is no result `mas`: did you mean `mass`?"),
     ({"names": ["load"], "outputs": ["site:hok"]}, "there are no results at load = 0.5 kg: there is no mount `hok`: did you mean `hook`?"),
     ({"names": ["load"], "at": {"length": "3 kg"}}, "there are no results at load = 0.5 kg: "),

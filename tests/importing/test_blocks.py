@@ -64,10 +64,10 @@ def test_losses_have_a_line_and_a_reason(imported: Imported) -> None:
         (32, '`<material>` of `<gazebo reference="base">`', "a reference to a Gazebo material"),
         (34, "rate, noise and plugins of sensor `imu`", "sensors in a document only have a type and a mount"),
         (41, "sensor `laser`", "sensors of type `ray` are not supported"),
-        (44, '`<gazebo reference="hnad">`', "there is no such link or joint"),
+        (44, '`<gazebo reference="hnad">`', "the link or joint does not exist"),
         (45, "`<plugin>` of `<gazebo>`", "Gazebo plugins are not imported"),
         (52, "`<hardware>` of `<ros2_control>`", "ROS plugins are not imported"),
-        (53, "the position command interface of joint `wrist`", "the controller defines the gains; the joint gets a motor"),
+        (53, "the position command interface of joint `wrist`", "the gains of the controller are unknown"),
         (54, "the command limits of joint `wrist`", "the limits of the joint apply"),
     ]
 
@@ -104,8 +104,8 @@ def test_mimic_of_a_missing_joint_is_a_warning(tmp_path: Path) -> None:
     path.write_text(re.sub('<mimic joint="', '<mimic joint="no_', text, count=1))
     imported = import_robot(str(path), report)
     assert imported is not None and [(one.code.code, one.span.line) for one in report.diagnostics if one.span] == [("TC955", line)]
-    assert "`mimic` is omitted" in report.diagnostics[0].message and "did you mean" in (report.diagnostics[0].help or "")
-    assert [loss.why for loss in imported.losses if "mimic of" in loss.what] == ["omitted, because the other joint does not move"]
+    assert "not a moving joint" in report.diagnostics[0].message and "did you mean" in (report.diagnostics[0].help or "")
+    assert [loss.why for loss in imported.losses if "mimic of" in loss.what] == ["the other joint does not move"]
     alone = [joint for one in imported.robot.attachments for joint in one.joints if joint.follows is None]
     assert len(alone) == len([joint for one in imported.robot.attachments for joint in one.joints]) - text.count("<mimic") + 1
 
@@ -125,5 +125,5 @@ def test_drive_of_a_missing_joint_is_a_warning_and_a_loss(block: str, tmp_path: 
         (joint,) = (joint for one in imported.robot.attachments for joint in one.joints)
         warned = [(one.message, one.help, one.span and one.span.line) for one in report.diagnostics]
         found.append((joint.drive is not None, warned, [loss.what for loss in imported.losses if "drive of" in loss.what]))
-    said = ("this element drives joint `yah`, which does not exist", "did you mean `yaw`?", 2)
+    said = ("the driven joint `yah` does not exist", "did you mean `yaw`?", 2)
     assert found == [(True, [], []), (False, [said], ["the drive of joint `yah`"])]

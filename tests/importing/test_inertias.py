@@ -53,7 +53,7 @@ def test_nearest_repair_is_recorded(tmp_path: Path) -> None:
 def test_shapes_repair_only_links_with_shapes() -> None:
     imported, said = repaired(WRONG, "shapes")
     assert imported is None and len(said) == 2
-    assert "`arm` moves, but cannot be simulated" in said[0] and said[1] == "link `ghost` moves, but cannot be simulated: it has no mass"
+    assert "moving link `arm` is invalid" in said[0] and said[1] == "the inertia of the moving link `ghost` is invalid: the mass is 0"
 
 
 @pytest.mark.parametrize(("shape", "moments"), [
@@ -92,14 +92,14 @@ def test_inertia_check_uses_rotated_fixed_links(place: str, sound: bool, tmp_pat
     report = Report()
     imported = import_robot(str(written(tmp_path, links, joints)), report)
     assert (imported is not None, [d.message.partition(":")[0] for d in report.sorted_diagnostics()]) == (
-        (True, []) if sound else (False, ["link `arm` moves, but cannot be simulated"])
+        (True, []) if sound else (False, ["the inertia of the moving link `arm` is invalid"])
     )
 
 
 def test_new_root_requires_inertia_of_the_old_root(tmp_path: Path) -> None:
     links = LINK.format(name="arm", mass=1, ixx=0.01) + '<link name="a"/>'
     path = written(tmp_path, links, '<joint name="j" type="continuous"><parent link="a"/><child link="arm"/></joint>')
-    for roots, said in (([], []), (["arm"], ["link `a` moves, but cannot be simulated: it has no mass"])):
+    for roots, said in (([], []), (["arm"], ["the inertia of the moving link `a` is invalid: the mass is 0"])):
         report = Report()
         import_robot(str(path), report, ImportRequest(roots=roots))
         assert [d.message for d in report.sorted_diagnostics()] == said
@@ -114,7 +114,8 @@ def test_static_link_may_lack_inertia_but_not_be_invalid(tmp_path: Path) -> None
     path, report = written(tmp_path, links, joints), Report()
     assert import_robot(str(path), report) is None
     assert [d.message for d in report.sorted_diagnostics()] == [
-        "link `a` does not move, but the largest principal moment (0.03 kg m^2) exceeds the sum of the other two (0.01 + 0.01)",
+        "the inertia of the fixed link `a` is invalid: the largest principal moment (0.03 kg m^2) exceeds the sum of the other two "
+        "(0.01 + 0.01)",
     ]
     imported, said = repaired(path, "nearest")
     assert imported is not None and said == [] and [one.link.name for one in imported.repaired] == ["a", "plate"]

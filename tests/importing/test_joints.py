@@ -80,7 +80,7 @@ def test_doubtful_joint_is_written_only_by_name(run: Any, tmp_path: Path) -> Non
     code, said = run("joints", "rig/rig.yaml")
     assert code == 0 and "lower_to_upper" in said and "doubt: `M3_screw` may fasten the parts" in said
     text = (tmp_path / "rig/rig.yaml").read_text()
-    assert run("joints", "rig/rig.yaml", "--write") == (0, "nothing to write: there is no unambiguous proposal\n")
+    assert run("joints", "rig/rig.yaml", "--write") == (0, "no unambiguous proposals\n")
     assert (tmp_path / "rig/rig.yaml").read_text() == text
     code, said = run("joints", "rig/rig.yaml", "lower_to_uper", "--write")
     assert code == 2 and "there is no proposed joint `lower_to_uper`" in said and "lower_to_upper" in said

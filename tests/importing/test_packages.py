@@ -156,13 +156,13 @@ def test_mesh_root_option(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsy
 
 
 @pytest.mark.parametrize(("uri", "said"), [
-    ("../../secret.stl", "`../../secret.stl` is outside the robot's folder, `"),
-    ("package://arm/meshes/none.stl", "the package `arm` has no `meshes/none.stl`; looked in"),
-    ("package:///none.stl", "there is no file `package:///none.stl`; looked for"),
+    ("../../secret.stl", "`../../secret.stl` is outside the robot's folder (`"),
+    ("package://arm/meshes/none.stl", "the package `arm` does not contain `meshes/none.stl` (searched: "),
+    ("package:///none.stl", "there is no file `package:///none.stl` (searched: "),
     ("package://..", "`package://..` is outside the robot's folder"),
-    ("package://lamp/a.stl", "there is no package `lamp`; looked for"),
+    ("package://lamp/a.stl", "there is no package `lamp` (searched: "),
     ("../meshes", "`../meshes` is not a file"),
-    ("../meshes/none.stl", "there is no file `../meshes/none.stl`; looked for"),
+    ("../meshes/none.stl", "there is no file `../meshes/none.stl` (searched: "),
     ("https://example.org/a.stl", "`https://example.org/a.stl` is not a local file"),
 ])
 def test_missing_files_are_reported(ground: Path, uri: str, said: str) -> None:
@@ -170,15 +170,15 @@ def test_missing_files_are_reported(ground: Path, uri: str, said: str) -> None:
         packages(ground).find(uri)
     assert str(fault.value).startswith(said)
     if "lamp" in uri:
-        assert fault.value.help == "specify its folder: `--package lamp=DIR`" and "arm/urdf/lamp" in str(fault.value)
+        assert fault.value.help == "specify the folder of the package: `--package lamp=DIR`" and "arm/urdf/lamp" in str(fault.value)
 
 
 def test_given_package_folder_takes_precedence(ground: Path) -> None:
-    with pytest.raises(NotFound, match="the package `arm` has no"):
+    with pytest.raises(NotFound, match="the package `arm` does not contain"):
         packages(ground, {"arm": str(ground / "elsewhere")}).find("package://arm/meshes/link.stl")
 
 
 def test_too_large_file_is_refused(ground: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("thingc.tools.importing.packages.MOST_BYTES", 5)
-    with pytest.raises(NotFound, match="but at most 5 are supported"):
+    with pytest.raises(NotFound, match="exceeds the maximum \\(5 bytes\\)"):
         packages(ground).find("../meshes/link.stl")

@@ -205,7 +205,7 @@ def test_materials_and_densities(run: Any, tmp_path: Path) -> None:
     rows = [("Steel", 7.85), ("Unobtainium", 1.234), ("PLA", 0.0), ("", 0.0), ("Häßlich", 0.0)]
     written(tmp_path / "rig.step", [(Box(10 + k, 9, 8).solid(), None, *row, "") for k, row in enumerate(rows)])
     code, said = run("import", "rig.step", "-o", "out")
-    assert code == 0 and "assumed 1000 kg/m^3" in said and "`part_3`, `part_4 (Häßlich)`" in said, said
+    assert code == 0 and "assumed density of 1000 kg/m^3" in said and "`part_3`, `part_4 (Häßlich)`" in said, said
     found = re.findall("    material: (.*)", (tmp_path / "out/rig.yaml").read_text())
     assert found == ["steel", "unobtainium", "pla", "unspecified", "unspecified"]
     assert "unobtainium: {density: 1234 kg/m^3}" in (tmp_path / "out/materials.yaml").read_text() and run("check", "out/rig.yaml")[0] == 0

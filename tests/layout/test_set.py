@@ -323,8 +323,8 @@ def test_adopted_id_refers_to_the_table_of_the_batch(here: Path, capsys: pytest.
     before = (here / "arm.yaml").read_text()
     assert main(["batch", "sweep.yaml", "--adopt", ids["sweep_1"]]) == 2
     assert (
-        f"error[TC923]: the settings of the variant `{ids['sweep_1']}` in `build/sweep` no longer belong to any variant of `sweep.yaml`\n"
-        "  help: the documents have changed since the batch was built: build the batch again, and use an id from the new table\n"
+        f"error[TC923]: the variant `{ids['sweep_1']}` in `build/sweep` does not match `sweep.yaml`\n"
+        "  help: build the batch again, and use an identifier from the new table\n"
     ) in capsys.readouterr().err
     assert (here / "arm.yaml").read_text() == before
 

@@ -281,10 +281,10 @@ def test_playground_has_the_names_of_the_model(written: dict[str, Written]) -> N
 
 def test_unsupported_features_are_losses(written: dict[str, Written]) -> None:
     assert written["dog"].losses("isaaclab") == set()
-    assert written["dog"].losses("mjlab") == {("torque", "this sensor, which mjlab removes because it adds the drive later")}
+    assert written["dog"].losses("mjlab") == {("torque", "the sensor: mjlab adds the drive later")}
     lost = dict(written["every"].losses("isaaclab"))
     assert {"spindle", "sleeve", "fork", "hip", "rolling", "swinging"} == set(lost)
-    assert lost["hip"] == "the configuration of this ball joint, which Isaac Lab does not support"
+    assert lost["hip"] == "the configuration of the ball joint: not supported by Isaac Lab"
     assert {path for path, _ in written["every"].losses("mjlab")} == {"hip"}
     assert {path for path, _ in written["pair"].losses("mjlab")} == {"bow string"}
 
@@ -296,9 +296,9 @@ def test_imperfect_drives_are_losses_except_for_delays_in_mjlab(tmp_path: Path, 
     (mode,) = list(robot.modes)[:1]
     lags = {(one.delay_min_lag, one.delay_max_lag) for one in robot.module("mjlab", mode).ACTUATORS if hasattr(one, "delay_min_lag")}
     assert lags == {(8, 8)}
-    others = {("hip_l", f"{what} of this drive") for what in ("the torque-speed line", "the deadband", "the noise")}
+    others = {("hip_l", f"{what} of the drive") for what in ("the torque-speed line", "the deadband", "the noise")}
     assert {one for one in robot.losses("mjlab") if one[0] == "hip_l"} == others
-    assert {one for one in robot.losses("isaaclab") if one[0] == "hip_l"} == {*others, ("hip_l", "the delay of this drive")}
+    assert {one for one in robot.losses("isaaclab") if one[0] == "hip_l"} == {*others, ("hip_l", "the delay of the drive")}
 
 
 def test_names_in_mjlab_are_those_of_pymjcf(tmp_path: Path, shared_store: str, written: dict[str, Written]) -> None:

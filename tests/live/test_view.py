@@ -302,10 +302,10 @@ def test_builds_and_invalid_command_lines(
         assert run("view", folder, "--no-open") == (0, "build/robot/html/robot.html\n")
     for words in (("--mode", "bench"), ("--port", "4000"), ("--against", "robot.yaml"), ("-p", "reach=1 m"), ("--editor", "x:{file}")):
         code, said = run("view", "build/robot", "--no-open", *words)
-        assert code == 2 and f"{words[0]} applies to documents, but `build/robot` is a build" in said
+        assert code == 2 and f"{words[0]} cannot be used with the build folder `build/robot`" in said
     shutil.copytree(tmp_path / "build/robot", tmp_path / "build/again")
     code, said = run("view", "build", "--no-open")
-    assert code == 2 and "`build` contains 2 builds" in said and "use one of them: known builds: `build/again`, `build/robot`" in said
+    assert code == 2 and "`build` contains 2 builds" in said and "use one of the builds: known builds: `build/again`, `build/robot`" in said
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         code, said = run("view", "robot.yaml", "--no-open", "--port", str(port))

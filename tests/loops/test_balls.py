@@ -98,8 +98,8 @@ def test_unstable_ball_drive_is_reported(tmp_path: Path, mode: str) -> None:
     kept = "\n".join(line for line in stiff.splitlines() if not line.startswith("  ") or ": {root:" not in line or f"  {mode}:" in line)
     ((code, message, help, line),) = compiled(tmp_path, kept).said
     assert code == "TC612" and line == 1 + stiff[: stiff.index("kp: 3e5")].count("\n")
-    assert message.startswith("`kp` of joint `hip_1`, 300000 N*m/rad, makes the joint oscillate with growing amplitude: the inertia of the")
-    assert help is not None and "use at most" in help
+    assert message.startswith("`kp` of joint `hip_1` (300000 N*m/rad) makes the simulation of the joint unstable")
+    assert help is not None and "to at most" in help
 
 
 def test_dry_friction_of_a_reversed_ball_is_a_loss(hip: Built) -> None:
@@ -168,7 +168,7 @@ def test_loop_cut_at_a_ball_uses_a_connect_equality(leg: Built) -> None:
     for name in ("one", "two"):
         model = leg.model(name)
         assert model.neq == 1 and model.equality(0).type[0] == mujoco.mjtEq.mjEQ_CONNECT
-        assert [loss.what for loss in leg.losses(name) if loss.path == "knob"] == ["the limits: the loop is cut at this joint"]
+        assert [loss.what for loss in leg.losses(name) if loss.path == "knob"] == ["the limits: the loop is cut at the joint"]
         for pose in ("low", "high"):
             data = at_key(model, pose)
             assert np.abs(data.efc_pos[:3]).max() < 1e-9

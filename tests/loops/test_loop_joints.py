@@ -96,7 +96,7 @@ def test_joints_with_limits_are_not_cut(fourbar: Built, tmp_path: Path) -> None:
     assert {mode: [closure.path for closure in found.robot(mode).closures] for mode in MODES} == {
         "bench": ["elbow"], "by_coupler": ["elbow"], "other": ["pivot"], "third": ["elbow"],
     }
-    assert [(loss.path, loss.what) for loss in found.losses("bench")] == [("elbow", "the dynamics: the loop is cut at this joint")]
+    assert [(loss.path, loss.what) for loss in found.losses("bench")] == [("elbow", "the dynamics: the loop is cut at the joint")]
     frame = next(frame for frame in found.robot("bench").keyframes if frame.name == "at_75")
     assert equality_residual(at_key(found.model("bench"), "at_75")) < 1e-9
     assert frame.q["pivot"] == pytest.approx(rocker_angle(np.radians(75.0)), abs=1e-9)
@@ -197,10 +197,10 @@ def test_simulated_rocker_follows_the_formula(fourbar: Built, mode: str) -> None
 
 def test_dynamics_and_limits_of_cut_joints_are_losses(fourbar: Built) -> None:
     assert [(loss.path, loss.what, loss.how) for loss in fourbar.losses("bench")] == [
-        ("wrist", "the dynamics: the loop is cut at this joint", "omitted")
+        ("wrist", "the dynamics: the loop is cut at the joint", "omitted")
     ]
     assert [(loss.path, loss.what, loss.how) for loss in fourbar.losses("other")] == [
-        ("pivot", "the limits: the loop is cut at this joint", "omitted")
+        ("pivot", "the limits: the loop is cut at the joint", "omitted")
     ]
 
 
@@ -297,7 +297,7 @@ def test_least_useful_joint_is_cut(tmp_path: Path, more: dict[str, str], cut: st
         if cut != "bore":
             assert equality_residual(at_key(found.model("run"), frame.name)) < 1e-9
     losses = [(loss.path, loss.what, loss.how) for loss in found.losses("run")]
-    lost = ("bore", "the loop through this joint: MuJoCo has no equality for slides", "omitted")
+    lost = ("bore", "the loop through the joint: MuJoCo has no equality for slides", "omitted")
     assert losses == ([lost] if cut == "bore" else [])
 
 

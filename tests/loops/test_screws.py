@@ -195,4 +195,4 @@ def test_differential_screw_advances_by_lead_difference(tmp_path: Path) -> None:
             q = made.modes[mode]["poses"][pose]
             assert q["coarse"] == pytest.approx(2 * math.pi * turns, abs=1e-12)
             assert q["fine"] == pytest.approx(q["coarse"], abs=1e-9) and q["guide"] == pytest.approx(0.001 * turns, abs=1e-12)
-        assert [loss.how for loss in made.losses(mode) if "the loop through this joint" in loss.what] == ["omitted"]
+        assert [loss.how for loss in made.losses(mode) if "the loop through the joint" in loss.what] == ["omitted"]

@@ -180,7 +180,7 @@ def test_displaced_force_sensors_are_losses(walker: Built) -> None:
         ("imu", "gravity in the accelerometer: MuJoCo reports no acceleration for a body at rest", "approximated"),
         ("hip", "the force at the mount: the sensor measures the force between its link and the world at `body/origin`", "approximated"),
     ]
-    assert lost("adrift") == [("hip", "this sensor: the root of a free base has no parent link", "omitted")]
+    assert lost("adrift") == [("hip", "the sensor: the root of a free base has no parent link", "omitted")]
     assert lost("stand") == [
         (
             "leg/load", "the force at the mount: the sensor measures the force between its link and the world at `leg/sole`",

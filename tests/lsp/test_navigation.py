@@ -187,7 +187,7 @@ REFUSED = {
     ("walker.yaml", "as: |k}", "half"): "there is already a parameter `half`",
     ("walker.yaml", "  w|ag:\n", "leg_knee"):  # the pattern `*knee` would fit it
         "`wag` cannot be renamed to `leg_knee`: the text at walker.yaml:59 would change its meaning",
-    ("walker.yaml", '"str|*"', "x"): "`stretch` only matches the pattern here: rename the element at its definition",
+    ("walker.yaml", '"str|*"', "x"): "`stretch` matches a pattern and cannot be renamed here",
     ("walker.yaml", "assembly: hea|d.toml", "x"): "`thingc rename` does not rename files, such as `head.toml`",
     ("walker.yaml", "  wag: {t|ype: joint}", "x"): "there is no name at this position",
     ("user.yaml", "brackets:W|ide", "x"): "`thingc rename` does not rename classes, such as `Wide`",

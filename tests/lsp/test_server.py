@@ -178,7 +178,7 @@ def test_missing_extra_is_reported(monkeypatch: pytest.MonkeyPatch, capsys: pyte
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["lsp"]) == 2
     said = capsys.readouterr().err
-    assert "`thingc lsp` needs pygls, which is not installed" in said and "pip install 'thingc[lsp]'" in said
+    assert "`thingc lsp` requires the package `pygls`" in said and "pip install 'thingc[lsp]'" in said
 
 
 def _place(text: str, offset: int) -> dict[str, int]:

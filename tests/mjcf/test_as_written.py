@@ -164,7 +164,7 @@ joints:
     }
 
 
-STRAIGHT = ": linearized at position 0 of the followed joint: approximated"
+STRAIGHT = ": linearized at position 0 of the followed joint (approximated)"
 
 
 def test_unsupported_features_are_losses_of_other_formats(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -182,9 +182,9 @@ tendons: {grip: {joints: {shoulder: 20 mm/rad}}}
     said = [line.partition("chain.yaml:")[2] for line in capsys.readouterr().out.splitlines()]
     bent = "the polynomial in the mimic of `shoulder`"
     assert {line.partition(": ")[2] for line in said if "polynomial" in line or "stiffness" in line or "tendon" in line} == {
-        *(f"{target}: grip: this tendon and its dynamics: omitted" for target in ("urdf", "sdf", "usd")),
+        *(f"{target}: grip: the tendon and its dynamics (omitted)" for target in ("urdf", "sdf", "usd")),
         *(f"{target}: elbow: {bent}{STRAIGHT}" for target in ("urdf", "sdf", "usd")),
-        *(f"{target}: slide: the stiffness of 1 N/m: omitted" for target in ("urdf", "usd")),
+        *(f"{target}: slide: the stiffness of 1 N/m (omitted)" for target in ("urdf", "usd")),
     }
 
 
@@ -278,7 +278,7 @@ modes: {{all: {{root: base}}, none: {{root: right.finger, actuators: []}}}}
         assert [float(data.tendon(name).length[0]) for name in ("left/pull", "right/pull")] == pytest.approx([0.0, 0.4])
         assert model.nsensor == sensors
     assert [(loss.path, loss.what) for loss in built.losses("none")] == [
-        (f"raw.mjcf.add.sensor.{hand}/effort", f"this element: the mode has no actuator `{hand}/bend_1`") for hand in ("left", "right")
+        (f"raw.mjcf.add.sensor.{hand}/effort", f"the element: the mode has no actuator `{hand}/bend_1`") for hand in ("left", "right")
     ]
 
 

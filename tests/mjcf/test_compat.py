@@ -115,7 +115,7 @@ def test_candidate_pairs_match_mujoco(store: Store, base: str) -> None:
 def test_mjx_replaces_cylinders_by_prisms(store: Store) -> None:
     """A cylinder that may touch a box, a mesh or another prism becomes a prism. One that touches only the floor, cylinders and its
     neighbours is kept."""
-    what = f"the cylinder, which MJX cannot collide with boxes and meshes: a prism of {SIDES} sides is used"
+    what = f"the cylinder: a prism of {SIDES} sides in contacts of MJX"
     for shapes, prisms in (
         (("box", "box", "cylinder"), [2]), (("box", "cylinder", "box", "cylinder"), [1, 3]), (("box", "cylinder", "box"), []),
         (("cylinder", "cylinder", "cylinder", "cylinder"), []),
@@ -156,7 +156,7 @@ def test_mjx_adhesion_is_omitted_or_reported(store: Store) -> None:
     for base, on in (("fixed", True), ("held", True), ("free", False)):
         request, models = emit_with_magnet(store, base, on=on)
         assert not request.report.diagnostics
-        assert ("arm/sole", "the adhesion, which MJX does not support", "omitted") in lost(models)
+        assert ("arm/sole", "the adhesion: not supported by MJX", "omitted") in lost(models)
         model = load_scene(request, models)
         assert [model.actuator(number).name for number in range(model.nu)] == ["arm/turn_1", "arm/turn_2"]
         assert model.key_ctrl.tolist() == [[0.1, 0.2]]
@@ -164,21 +164,21 @@ def test_mjx_adhesion_is_omitted_or_reported(store: Store) -> None:
     request, models = emit_with_magnet(store, "free")
     (said,) = request.report.diagnostics
     assert (said.code, said.severity.value) == (Code.COMPAT, "warning")
-    assert said.message == "MJX cannot load mode `bench`: it does not support adhesion, but the adhesion at `arm/sole` carries the robot"
+    assert said.message == "MJX cannot load mode `bench`: the adhesion at `arm/sole` is not supported"
     assert said.span is not None and said.span.line == at(50)[0].line
     assert said.help == "exclude the mode with `--mode`, or use another root" and said.allow
     assert load_scene(request, models).nu == 3
 
 
 @pytest.mark.parametrize(("compat", "path", "value", "message"), [
-    ("mjx", "option solver", "PGS", "MJX cannot load mode `bench`: it does not support `solver` `PGS`"),
-    ("warp", "option solver", "PGS", "MuJoCo Warp cannot load mode `bench`: it does not support `solver` `PGS`"),
-    ("mjx", "option flag energy", "enable", "MJX cannot load mode `bench`: it does not support the enabled flag `energy`"),
-    ("warp", "option flag midphase", "disable", "MuJoCo Warp cannot load mode `bench`: it does not support the disabled flag `midphase`"),
+    ("mjx", "option solver", "PGS", "MJX cannot load mode `bench`: `solver: PGS` is not supported"),
+    ("warp", "option solver", "PGS", "MuJoCo Warp cannot load mode `bench`: `solver: PGS` is not supported"),
+    ("mjx", "option flag energy", "enable", "MJX cannot load mode `bench`: the enabled flag `energy` is not supported"),
+    ("warp", "option flag midphase", "disable", "MuJoCo Warp cannot load mode `bench`: the disabled flag `midphase` is not supported"),
     ("mjx", "geom arm/part_2:collision margin", "0.001",
-     "MJX cannot load mode `bench`: it does not support `margin` for contacts of meshes"),
+     "MJX cannot load mode `bench`: `margin` is not supported for contacts of meshes"),
     ("mjx", "geom arm/part_2:collision type", "ellipsoid",
-     "MJX cannot load mode `bench`: it does not support contacts between ellipsoid and mesh"),
+     "MJX cannot load mode `bench`: contacts between ellipsoid and mesh are not supported"),
 ])
 def test_unsupported_raw_attributes_are_reported(store: Store, compat: str, path: str, value: str, message: str) -> None:
     """A raw attribute that the reader does not support is reported at its line, and only if that reader is selected."""
@@ -194,17 +194,17 @@ def test_mjx_integrator_and_fluid_limits_are_reported(store: Store) -> None:
     """The integrator `implicit` is replaced by `implicitfast`; `density` with `implicitfast` is reported."""
     made = robot(store, "box", "box", simulation={"integrator": "implicit"}, raw=(raw(5, "option density", "1.2"),))
     request, models = emit_models(made, store, ["mjx"])
-    assert ("bench", "the integrator `implicit`, which MJX does not support: `implicitfast` is used", "approximated") in lost(models)
+    assert ("bench", "the integrator `implicit`: MJX uses `implicitfast`", "approximated") in lost(models)
     assert load_scene(request, models).opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     assert [one.message for one in request.report.diagnostics] == [
-        "MJX cannot load mode `bench`: it does not support `density` with `implicitfast`",
+        "MJX cannot load mode `bench`: `density` is not supported with `implicitfast`",
     ]
 
 
 def test_mjx_elliptic_cones_require_contacts(store: Store) -> None:
     """Without possible contacts, elliptic cones are omitted, which changes nothing. If only the floor of the scene is touched, a
     diagnostic reports that MJX cannot load the model alone."""
-    why = "without the floor of the scene, the model has no contacts, and MJX supports elliptic cones only with contacts"
+    why = "elliptic cones are not supported without contacts"
     refused = f"MJX cannot load mode `bench`: {why}"
     for shapes, base, said, elliptic in (
         (("none", "none"), "fixed", [], False), (("box", "box"), "fixed", [], True), (("box", "box"), "free", [refused], True),
@@ -223,7 +223,7 @@ def test_pymjcf_names_use_dots(store: Store) -> None:
     made = robot(store, "box", "cylinder", "hull")
     (_, before), (request, after) = (emit_models(made, store, compat) for compat in ((), ("pymjcf",)))
     assert [one for one in lost(after) if one not in lost(before)] == [
-        ("arm", "`/` in names, which PyMJCF rejects: `.` is used", "approximated"),
+        ("arm", "`/` in names: replaced by `.` for PyMJCF", "approximated"),
     ]
     old, new = load_scene(request, before), load_scene(request, after)
     for kind, count in (("body", "nbody"), ("joint", "njnt"), ("geom", "ngeom"), ("actuator", "nu"), ("site", "nsite")):
@@ -255,7 +255,7 @@ def test_unsupported_drake_features_are_losses(store: Store) -> None:
     assert {(one.path, one.what) for one in more} == {
         ("arm/turn_1", "the dry friction: not supported by Drake"), ("arm/link_0", "the motion at run time: not supported by Drake"),
         ("arm/sole", "the adhesion: not supported by Drake"), ("rest", "the keyframe: not supported by Drake"),
-        ("arm/turn_1", "the range of its commands: Drake uses it as the range of the force"),
+        ("arm/turn_1", "the command range: Drake would limit the force instead"),
     }
 
 
@@ -282,7 +282,7 @@ def test_drake_models_have_no_position_ctrlrange(
     assert main(["why", "--losses", str(tmp_path / "arm.yaml"), "--emit", "mjcf", "--compat", "drake"]) == 0
     said = [line for line in capsys.readouterr().out.splitlines() if "commands" in line]
     assert [line.partition(": ")[2] for line in said] == [
-        "mjcf: bend, spin: the range of its commands: Drake uses it as the range of the force: omitted",
+        "mjcf: bend, spin: the command range: Drake would limit the force instead (omitted)",
     ]
 
 

@@ -177,8 +177,8 @@ def test_frames_between_two_joints_are_losses(tmp_path: Path) -> None:
     made = compiled(tmp_path, LEGS + more + "modes:\n  up: {root: torso, base: fixed}\n")
     assert made.said == [] and made.artifacts is not None
     lost = {loss.path: loss.what for loss in made.artifacts.losses if loss.how == "omitted"}
-    assert lost["knuckle"] == "this frame: MuJoCo does not support sites between two joints of a body"
-    assert lost["tilt"] == lost["eye"] == "this sensor: MuJoCo does not support sites between two joints of a body"
+    assert lost["knuckle"] == "the frame: MuJoCo does not support sites between two joints of a body"
+    assert lost["tilt"] == lost["eye"] == "the sensor: MuJoCo does not support sites between two joints of a body"
     model = data_of(made.artifacts, "up").model
     assert (model.nsensor, model.ncam) == (0, 0)
 

@@ -76,7 +76,7 @@ def test_diagnostics_ignore_the_mesh_count(heap: Path, capsys: pytest.CaptureFix
     """This includes penetration depths, for which MuJoCo computes the hulls again."""
     at_once = Said(heap, capsys, monkeypatch)
     assert len(at_once.given) == 1 and at_once.code == 0
-    said = "warning[TC611]: at the start of mode `bench`, the collision shapes of `base` and `hand` overlap by 10.2 mm"
+    said = "warning[TC611]: the collision shapes of `base` and `hand` overlap by 10.2 mm at the start of mode `bench`"
     assert said in at_once.text
     monkeypatch.setattr(verify, "MAX_MESH_BYTES", 0)
     apart = Said(heap, capsys, monkeypatch)

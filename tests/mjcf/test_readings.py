@@ -214,8 +214,8 @@ def test_contact_and_distance_sensors_on_the_floor(feeler: Built) -> None:
 
 def test_sensors_of_absent_drives_are_losses(feeler: Built) -> None:
     assert [(loss.path, loss.what, loss.how) for loss in feeler.losses("bare")] == [
-        ("pull", "this sensor: the mode has no drive of `cable`", "omitted"),
-        ("swing", "this sensor: the mode has no drive of `swing`", "omitted"),
+        ("pull", "the sensor: the mode has no drive of `cable`", "omitted"),
+        ("swing", "the sensor: the mode has no drive of `swing`", "omitted"),
     ]
     names = {feeler.model("bare").sensor(k).name for k in range(feeler.model("bare").nsensor)}
     assert "cable:length" in names and not any(name.startswith(("pull:", "swing:")) for name in names)

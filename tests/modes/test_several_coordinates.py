@@ -111,7 +111,7 @@ def test_loop_cut_at_several_coordinates_is_a_loss(kind: str, tmp_path_factory: 
     assert made.said == []
     for mode, path in (("one", "guide"), ("two", "way")):
         losses = [(loss.path, loss.how, loss.what) for loss in made.losses(mode) if loss.how == "omitted"]
-        assert losses == [(path, "omitted", "the loop through this joint: MuJoCo has no equality for joints with several coordinates")]
+        assert losses == [(path, "omitted", "the loop through the joint: MuJoCo has no equality for joints with several coordinates")]
         assert made.model(mode).neq == 0
     modes = Modes.parse(made.text("modes.json"))
     turn = "way_2" if kind == "planar" else "way_0"

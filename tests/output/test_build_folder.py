@@ -210,13 +210,13 @@ class TestStrangers:
         assert said.code is Code.UNEXPECTED
         assert said.span is None
         names = ", ".join(f"`note_{number}`" for number in range(8))
-        assert said.message == f"`arm` contains files that no build of `arm.yaml` wrote ({names} and 2 more); nothing was written"
-        assert said.help == "move these files, or build into another folder with -o, or overwrite them with --force"
+        assert said.message == f"`arm` contains unknown files ({names} and 2 more)"
+        assert said.help == "move the files, or build into another folder with -o, or use --force"
 
     def test_build_of_another_document_is_kept(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
         folder = build(tmp_path, with_manifest({"bom.csv": b"one"}, "other.yaml"), store, "other.yaml")
-        words = r"^`arm` contains the build of another document \(`other.yaml`, not `arm.yaml`\); nothing was written$"
+        words = r"^`arm` contains the build of another document \(`other.yaml`\)$"
         with pytest.raises(UnexpectedFilesError, match=words):
             build(tmp_path, FIRST, store)
         assert (folder / "bom.csv").read_bytes() == b"one"
@@ -241,7 +241,7 @@ class TestStrangers:
     def test_file_in_place_of_the_folder_is_an_error(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
         (tmp_path / "arm").write_text("mine")
-        with pytest.raises(OutputError, match="^`arm` is a file, but the build requires a folder at this path$"):
+        with pytest.raises(OutputError, match="^the build folder `arm` is a file$"):
             build(tmp_path, FIRST, store)
         assert (tmp_path / "arm").read_text() == "mine"
 
@@ -254,14 +254,13 @@ class TestStrangers:
         before = content(folder)
         with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, SECOND, store)
-        assert str(raised.value) == "`arm` contains files that have changed since the build (`bom.csv`); nothing was written"
+        assert str(raised.value) == "`arm` contains modified files (`bom.csv`)"
         assert raised.value.names == ("bom.csv",) and content(folder) == before
         (folder / "notes.txt").touch()
         with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, SECOND, store)
         assert str(raised.value) == (
-            "`arm` contains files that no build of `arm.yaml` wrote (`notes.txt`) and files that have changed since the build "
-            "(`bom.csv`); nothing was written"
+            "`arm` contains unknown files (`notes.txt`) and modified files (`bom.csv`)"
         )
         build(tmp_path, SECOND, store, force=True)
         assert content(folder) == SECOND and os.listdir(tmp_path) == ["arm"]
@@ -461,7 +460,7 @@ class TestRefused:
             try:
                 build(tmp_path, big, store)
             except OutputError as fault:
-                os._exit(7 if str(fault).startswith("there is not enough space for the build in `") else 8)
+                os._exit(7 if str(fault).startswith("not enough disk space for the build in `") else 8)
             os._exit(9)
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
         assert content(folder) == FIRST

@@ -107,7 +107,7 @@ def test_no_input_is_overwritten(here: Path, capsys: pytest.CaptureFixture[str])
         assert f"`./{name}` is an input file" in capsys.readouterr().err
         assert (here / name).read_text() == text
     assert main(["calibration", "arm.yaml", "left.calibration.yaml", "-o", "out"]) == 2
-    assert "-o needs a format" in capsys.readouterr().err
+    assert "-o requires --emit" in capsys.readouterr().err
     assert main(["calibration", "arm.yaml", "lft.calibration.yaml"]) == 2
     assert "did you mean `left.calibration.yaml`?" in capsys.readouterr().err
 
@@ -131,19 +131,19 @@ ONE_TURN = "id: 3, offset: 0, ticks_per_turn: 4096"
 
 @pytest.mark.parametrize(("entry", "code", "said"), [
     ("elbow: {id: 3, offset: 0, ticks_per_turn: 4096}", "TC304", "the robot has no joint `elbow`"),
-    ("geared: {id: 3, offset: 0, ticks_per_turn: 4096}", "TC338", "joint `geared` mimics `lift`"),
+    ("geared: {id: 3, offset: 0, ticks_per_turn: 4096}", "TC338", "joint `geared` cannot have a motor (mimics `lift`)"),
     ("lift: {id: 1, offset: 0, ticks_per_turn: 4096}", "TC212", "joints `pan` and `lift` have the same motor `id: 1`"),
     ("lift: {id: 254, offset: 0, ticks_per_turn: 4096}", "TC208", "from 0 to 253, found 254"),
     ("lift: {id: -1, offset: 0, ticks_per_turn: 4096}", "TC208", "from 0 to 253, found -1"),
     ("lift: {id: 3, offset: 4096, ticks_per_turn: 4096}", "TC212", "an encoder value from 0 to 4095, found 4096"),
     ("lift: {id: 3, offset: -1, ticks_per_turn: 4096}", "TC212", "an encoder value from 0 to 4095, found -1"),
     ("lift: {id: 3, offset: 0, ticks_per_turn: 1}", "TC208", "from 2 to 4294967296, found 1"),
-    (f"lift: {{{ONE_TURN}, range: [100, 1100]}}", "TC315", "beyond the lower limit 10 deg of joint `lift`"),
-    (f"lift: {{{ONE_TURN}, range: [120, 1200]}}", "TC315", "1200 ticks correspond to 105.469 deg, beyond the upper limit"),
-    (f"lift: {{{ONE_TURN}, sign: -1, range: [120, 1100]}}", "TC315", "120 ticks correspond to -10.5469 deg, beyond the lower"),
+    (f"lift: {{{ONE_TURN}, range: [100, 1100]}}", "TC315", "beyond the lower limit of joint `lift` (10 deg)"),
+    (f"lift: {{{ONE_TURN}, range: [120, 1200]}}", "TC315", "the position at 1200 ticks (105.469 deg) is beyond the upper limit"),
+    (f"lift: {{{ONE_TURN}, sign: -1, range: [120, 1100]}}", "TC315", "the position at 120 ticks (-10.5469 deg) is beyond the lower"),
     (f"lift: {{{ONE_TURN}, range: [1100, 120]}}", "TC212", "must increase, found 1100 and 120"),
     (f"lift: {{{ONE_TURN}, range: [120, 5000]}}", "TC212", "an encoder value from 0 to 4095, found 5000"),
-    ("slide: {id: 3, offset: 0, ticks_per_turn: 4096}", "TC314", "joint `slide` does not rotate"),
+    ("slide: {id: 3, offset: 0, ticks_per_turn: 4096}", "TC314", "requires a rotating joint, found `slide`"),
     ("slide: {id: 3, offset: 0, resolution: 1 deg}", "TC314", "of joint `slide` must be a length, found `1 deg`"),
     ("slide: {id: 3, offset: 0, resolution: -1 mm}", "TC208", "expected an angle or a length of at least 1e-12 in SI units, found `-1 mm`"),
     ("slide: {id: 3, offset: 0, resolution: 1e-320 mm}", "TC208", "expected an angle or a length of at least 1e-12 in SI units"),
@@ -186,13 +186,14 @@ def test_too_small_encoder(here: Path, capsys: pytest.CaptureFixture[str]) -> No
     (here / "arm.yaml").write_text(ROBOT.replace("lower: -90 deg, upper: 120 deg", "lower: -200 deg, upper: 200 deg"))
     (here / "left.calibration.yaml").write_text(GOOD)
     assert main(["calibration", "arm.yaml", "left.calibration.yaml"]) == 1
-    assert "the limits of joint `pan` span 4552 ticks, but the encoder has only 4096 values" in capsys.readouterr().err
+    assert "the range of joint `pan` (4552 ticks) exceeds the range of the encoder (4096 ticks)" in capsys.readouterr().err
 
 
 def test_format_limitations(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = GOOD + "  slide: {id: 9, offset: 500, resolution: 0.01 mm}\n"
     (here / "left.calibration.yaml").write_text(text)
-    for form, words in (("lerobot", "only single-turn encoders"), ("lerobot_motors", "needs the model of the motor of joint `slide`")):
+    refused = (("lerobot", "does not support the `resolution`"), ("lerobot_motors", "requires the motor model of joint `slide`"))
+    for form, words in refused:
         assert main(["calibration", "arm.yaml", "left.calibration.yaml", "--emit", form]) == 2
         assert words in capsys.readouterr().err
 
@@ -224,8 +225,8 @@ def test_rezero_keeps_the_encoder_values_of_all_positions(here: Path, capsys: py
     assert main(["rezero", "arm.yaml", *words]) == 0
     out = capsys.readouterr().out
     assert "left.calibration.yaml: joints.slide.offset: 500 -> 850" in out, out
-    assert "warning[TC801]: `other.yaml` also contains these joints" in out and "--calibration other.yaml" in out, out
-    assert "warning[TC801]: `duo.yaml` also contains these joints" in out  # the calibration of a robot that nests the arm
+    assert "the calibration `other.yaml` of the same joints was not changed" in out and "--calibration other.yaml" in out, out
+    assert "the calibration `duo.yaml` of the same joints was not changed" in out  # the calibration of a robot that nests the arm
     assert "unrelated" not in out
     new = table(here)
     assert new["wheel"] == old["wheel"]

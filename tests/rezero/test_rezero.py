@@ -211,10 +211,10 @@ raw: {mjcf: {actuator: {first: {ctrlrange: -1 1}}}}
 @pytest.mark.parametrize(("words", "said", "line"), [
     (["first=30 deg"], "the raw attribute `ctrlrange` may depend on the coordinate of joint `first`", "raw:"),
     (["second=30 deg"], "the expression `=ratio` depends on the coordinate of joint `second`", "  second:"),
-    (["third=30 deg"], "`third` is repeated, or has several coordinates", "  third:"),
-    (["third_0=30 deg"], "`third_0` is repeated, or has several coordinates", "joints:"),
-    (["stuck=30 deg"], "joint `stuck` is fixed and does not move", "  stuck:"),
-    (["cross=30 deg"], "`cross` is repeated, or has several coordinates", "  cross:"),
+    (["third=30 deg"], "`third` is repeated or has several coordinates", "  third:"),
+    (["third_0=30 deg"], "`third_0` is repeated or has several coordinates", "joints:"),
+    (["stuck=30 deg"], "joint `stuck` does not move (fixed)", "  stuck:"),
+    (["cross=30 deg"], "`cross` is repeated or has several coordinates", "  cross:"),
     (["second=30"], "the zero of joint `second` must be an angle", "  second:"),
     (["second=3 mm"], "the zero of joint `second` must be an angle", "  second:"),
     (["fourth=3 deg"], "there is no joint `fourth`", ""),
@@ -268,7 +268,8 @@ def test_joint_of_a_nested_document(here: Path, capsys: pytest.CaptureFixture[st
     old = models(here / "walker.yaml")
     assert main(["rezero", "walker.yaml", "left.knee=30 deg"]) == 2
     out = capsys.readouterr().out
-    assert "joint `knee` is defined in `leg.yaml`" in out and "--> walker.yaml:5:" in out and "`thingc rezero leg.yaml knee=...`" in out
+    assert "joint `knee` is defined in the nested document `leg.yaml`" in out
+    assert "--> walker.yaml:5:" in out and "`thingc rezero leg.yaml knee=...`" in out
     (here / "sub").mkdir()
     (here / "sub/other.yaml").write_text(walker.replace("leg.yaml", "../leg.yaml"))
     assert main(["rezero", "sub/other.yaml", "left.knee=30 deg"]) == 2
@@ -291,7 +292,7 @@ def test_joint_of_a_nested_document(here: Path, capsys: pytest.CaptureFixture[st
         "parameters: {components.left.joints.knee.dynamics.damping: [0, 1 N*m*s/rad]}\n"
     )
     assert main(["rezero", "leg.yaml", "knee=30 deg"]) == 2
-    assert "`sizes.yaml` may set values of these joints" in capsys.readouterr().out
+    assert "`sizes.yaml` may set values of the changed joints" in capsys.readouterr().out
 
 
 def test_moving_back_restores_the_values(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -357,7 +358,7 @@ def test_pose_with_another_loop_closure_is_an_error(here: Path, capsys: pytest.C
     assert main(["rezero", str(document), "left_close=5 deg"]) == 2
     out = capsys.readouterr().out
     line = before[: before.index("  half:")].count("\n") + 1
-    assert "the robot would change by" in out and f"gripper.yaml:{line}:" in out and document.read_text() == before
+    assert "the links would move by" in out and f"gripper.yaml:{line}:" in out and document.read_text() == before
 
 
 def test_reversed_joint_is_a_difference(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

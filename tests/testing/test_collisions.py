@@ -46,7 +46,8 @@ def test_insufficient_clearance_is_reported_with_the_gap(rig: Workspace) -> None
     assert [result["passed"] for result in answer["tests"]] == [True, False]
     said = answer["diagnostics"][0]
     assert said["code"] == "TC655" and said["line"] == (rig.folder / "rig.yaml").read_text().count("\n")
-    assert said["message"] == "test `free` (mode `bench`, pose `close`): `left` and `right` are 0.4 mm apart, but at least 1 mm is required"
+    message = "test `free` (mode `bench`, pose `close`): the gap between `left` and `right` (0.4 mm) is below the minimum (1 mm)"
+    assert said["message"] == message
     assert said["help"] == 'if this is intended, add `allow: [{pair: [left, right], reason: "..."}]`'
 
 

@@ -50,7 +50,7 @@ def test_contributions_of_stretched_bars(rig: Workspace) -> None:
     notes = [note["message"] for note in first["notes"]]
     assert notes[0].startswith(f"{100 * (BACKLASH / 2 * 0.16) ** 2 / rss**2:.3g} % from the backlash of `shoulder`")
     assert notes[1].startswith(f"{share:.3g} % from `upper.near`") and len(notes) == 5
-    assert "the root of the sum of squares is 0.2 mm, but at most 0.1 mm is allowed" in second["message"]
+    assert "the RSS deviation (0.2 mm) exceeds the maximum (0.1 mm)" in second["message"]
 
 
 def test_linearization_matches_random_robots(rig: Workspace) -> None:

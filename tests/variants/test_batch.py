@@ -520,7 +520,7 @@ def test_edited_table_or_page_is_not_overwritten(tmp_path: Path, shared_store: s
     with pytest.raises(BatchFault) as fault:
         batch(here, shared_store, "few", pictures=0)
     said = fault.value.diagnostic
-    assert said.code is Code.UNEXPECTED and said.message.endswith(f"or that have changed since the batch; nothing was written: `{name}`")
+    assert said.code is Code.UNEXPECTED and said.message.endswith(f"contains unknown or modified files (`{name}`)")
     assert (folder / name).read_bytes() == before + b"mine"
     (folder / name).write_bytes(before)
     assert batch(here, shared_store, "few", pictures=0).statuses == {"built": 2}

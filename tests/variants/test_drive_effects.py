@@ -257,7 +257,7 @@ def test_import_of_a_mujoco_model_keeps_effects(folder: Path) -> None:
 def test_models_for_mjx_and_drake_report_delays(folder: Path) -> None:
     (folder / "walker.yaml").write_text(WALKER.replace("effort: 2 N*m}", "effort: 2 N*m, delay: 5 ms}"))
     said = [one.message for one in thingc.compile(folder / "walker.yaml", compat="mjx").diagnostics]
-    assert said == ["MJX cannot load modes `front`, `rear`: it does not support delays"]
+    assert said == ["MJX cannot load modes `front`, `rear`: delays are not supported"]
     main(["build", str(folder / "walker.yaml"), "-o", str(folder / "build"), "--emit=mjcf", "--compat=drake"])
     losses = json.loads((folder / "build/walker/manifest.json").read_text())["losses"]
     assert "the delay of the drive: not supported by Drake" in [one["what"] for one in losses if one["path"] == "ankle"]

@@ -250,13 +250,13 @@ def test_fields_of_another_batch_are_rejected(sliders: BatchResults, some: Batch
     model, own = fields(sliders)
     _, other = fields(some, "flying")
     before = arrays(model)
-    for wrong, words in ((lambda: apply(model, own, 8), "fields for 8 variants, but none for index 8"),
-                         (lambda: apply(model, own, -1), "but none for index -1"),
-                         (lambda: apply(model, {**own, **other}, 1), "the field `.*` and this model belong to different batches"),
+    for wrong, words in ((lambda: apply(model, own, 8), "index 8 is out of range for fields of 8 variants"),
+                         (lambda: apply(model, own, -1), "index -1 is out of range"),
+                         (lambda: apply(model, {**own, **other}, 1), "the field `.*` and the model belong to different batches"),
                          (lambda: apply(model, {**own, "body_colour": own["body_mass"]}, 1),
-                           "`body_colour` and this model belong to different batches")):
+                           "`body_colour` and the model belong to different batches")):
         with pytest.raises(FamilyError, match=words):
             wrong()
         assert arrays(model) == before
-    with pytest.raises(FamilyError, match="has no built variant here"):
+    with pytest.raises(FamilyError, match="has no built variant"):
         fields(sliders.filter({"mass": (90.0, 99.0)}))

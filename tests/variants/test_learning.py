@@ -175,7 +175,7 @@ def test_episode_ends(some: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 def test_errors(some: Path) -> None:
     for given, words in (
-        ({}, "has 2 modes, `hanging`, `flying`: select one with `mode="),
+        ({}, "has 2 modes \\(`hanging`, `flying`\\): select a mode with `mode="),
         ({"mode": "hangin"}, "did you mean `hanging`"),
         ({"mode": "hanging", "reward": "fast"}, "unknown task `fast`: known tasks: `forward`, `hold`"),
         ({"mode": "hanging", "descriptor": ("weight",)}, "has no column `weight`"),
@@ -208,4 +208,4 @@ def test_errors(some: Path) -> None:
 def test_missing_gymnasium_is_reported() -> None:
     program = "import sys; sys.modules['gymnasium'] = None\nimport thingc.batch.gym.variants_env"
     said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert said.returncode == 1 and said.stderr.endswith("ImportError: environments need Gymnasium: pip install 'thingc[learning]'\n")
+    assert said.returncode == 1 and said.stderr.endswith("ImportError: environments require Gymnasium: pip install 'thingc[learning]'\n")

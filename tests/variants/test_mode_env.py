@@ -269,7 +269,7 @@ def test_errors(family: thingc.RobotFamily) -> None:
             {"modes": (), "mode": "front", "observation": "joints"}, FamilyError,
             "the observation `joints` requires an environment with `modes`",
         ),
-        ({"observation": ("qpos",)}, FamilyError, "the observation has 9 numbers in mode `loose`, but 2 numbers in the first mode"),
+        ({"observation": ("qpos",)}, FamilyError, "expected an observation of 2 numbers in mode `loose`, found 9"),
         ({"observation_noise": -1.0}, FamilyError, "expected `observation_noise` to be numbers of at least 0, found -1.0 for `joints`"),
         ({"observation_noise": {"sensor": 1.0}}, UnknownVariant, "there is no observation `sensor`"),
         ({"action_delay": (2, 1)}, FamilyError, r"expected `action_delay` to be a whole number .* found \(2, 1\)"),

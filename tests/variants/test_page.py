@@ -236,7 +236,7 @@ def test_large_batches_have_no_pictures_by_default(tmp_path: Path, shared_store:
     many = "thingc: variants/1\nassembly: pendulum.yaml\nname: many\nparameters: {length: {from: 200 mm, to: 400 mm, count: 201}}\n"
     here = workspace(tmp_path, many=many + "keep: [length < 202 mm]\n")
     done = batch_here("many.yaml", "--verify", "none", "--jobs", "1", cwd=here, env=environment(shared_store))
-    words = "by default, the page of more than 200 variants has no pictures; to draw them: "
+    words = "to draw pictures on the page, run: "
     words += "thingc batch many.yaml --page-only --pictures 48\n"
     assert done.returncode == 0 and done.stderr.endswith(words), done.stderr
     without = batch_here("many.yaml", "--verify", "none", "--jobs", "1", "--pictures", "none", cwd=here, env=environment(shared_store))

@@ -102,7 +102,7 @@ def test_links_out_of_the_workspace_are_rejected(tmp_path: Path, target: str) ->
     (tmp_path / "outside.txt").write_text("x")
     (tmp_path / "hop").symlink_to("robots/mast.yaml")  # leaves and comes back: there is no such hop elsewhere
     (here / "parts" / "link").symlink_to(target if os.path.isabs(target) else f"../{target}")
-    with pytest.raises(BatchFault, match="`parts/link` links to `.*`, outside the workspace, and cannot be shipped") as caught:
+    with pytest.raises(BatchFault, match="the symbolic link `parts/link` leads outside the workspace") as caught:
         packed(here)
     assert caught.value.diagnostic.code is Code.OUTSIDE_WORKSPACE and caught.value.diagnostic.help is not None
 
@@ -123,7 +123,7 @@ def test_document_that_changes_during_packing(tmp_path: Path) -> None:
     here = workspace(tmp_path)
     planned = plan(str(here / "sweep.yaml"))
     (here / "pendulum.yaml").write_text((here / "pendulum.yaml").read_text() + "# new\n")
-    with pytest.raises(BatchFault, match="`pendulum.yaml` changed while the batch was planned") as caught:
+    with pytest.raises(BatchFault, match="`pendulum.yaml` changed during the planning of the batch") as caught:
         pack(planned, str(here / "build" / "sweep"))
     assert caught.value.diagnostic.code is Code.BATCH_CHANGED
 

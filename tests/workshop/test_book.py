@@ -358,8 +358,8 @@ def test_document_states_the_order(pieces: Path, shared_store: str, order: str, 
 
 
 @pytest.mark.parametrize(("text", "said", "marked"), [
-    (BOX + "order: [case, lid, core]\n", "`core` cannot be added after `lid`, which is in its way", "core"),
-    (BOX + "order: [weight, lid]\n", "`weight` is listed before `lid`, which carries it", "weight"),
+    (BOX + "order: [case, lid, core]\n", "`lid` blocks the insertion of `core`", "core"),
+    (BOX + "order: [weight, lid]\n", "`weight` is listed before the supporting component `lid`", "weight"),
     (BOX + "order: [lid, core, lid]\n", "`lid` is listed twice", "lid"),
     (BOX + "order: [lidd]\n", "no component `lidd`", "lidd"),
     (ROBOT + "order: [left.core]\n", "`left.core` is a component of a nested document", "left.core"),

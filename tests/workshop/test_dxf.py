@@ -172,9 +172,9 @@ def test_other_curves_are_splines(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "reason"), [
     ("chamfered", "it has a face that is neither parallel nor perpendicular to its largest face"), ("two", "it has 2 solids"),
-    ("shaft", "it is 80 mm thick, and its largest face has only 28.2743 mm^2"), ("both", "it has pockets on both sides"),
+    ("shaft", "it is too thick for its area (80 mm for 28.2743 mm^2)"), ("both", "it has pockets on both sides"),
     ("ball", "it has no planar faces"),
-    ("boss", "less than half of it has the full thickness"),
+    ("boss", "it has the full thickness in less than half of its area"),
 ])
 def test_other_parts_are_losses(tmp_path: Path, name: str, reason: str) -> None:
     assert build(tmp_path, ROBOT.replace("PART", name)) == {}

@@ -71,8 +71,8 @@ class AxisParser:
         """
         if isinstance(raw, Expression):
             self._error(
-                "the settings of a variant must be values; expressions are only allowed in the assembly", path,
-                help=f"write a value, or define a parameter with this expression in `{self.parameters.name}`",
+                "expressions are not allowed in a variants document", path,
+                help=f"write a value, or define a parameter with the expression in `{self.parameters.name}`",
             )
             return None
         checked = as_value(raw)
@@ -103,9 +103,7 @@ class AxisParser:
         kind = self.paths.kinds.get(name)
         sound = of_kind(value, kind)
         if sound is None and kind is not None:
-            self._error(
-                f"all values of a path must have the same type: found {kind_of(value)}, but another value is `{format_value(kind)}`", path,
-            )
+            self._error(f"the values of a path must have the same type, found {kind_of(value)} and `{format_value(kind)}`", path)
         return sound
 
     def axis(self, name: str, raw: Any) -> Axis | None:
@@ -139,7 +137,7 @@ class AxisParser:
             key = (type(value), plain(value))
             if key in first:
                 self.report.warn(
-                    Code.DUPLICATE_VARIANT, f"`{format_value(value)}` is listed twice, so thingc builds its variants only once",
+                    Code.DUPLICATE_VARIANT, f"the value `{format_value(value)}` is listed twice",
                     self.document.span((*path, index)), help="remove one of the two values", path=format_path(path),
                     notes=[Note(message="also listed here", span=self.document.span((*path, first[key])))],
                 )
@@ -152,10 +150,10 @@ class AxisParser:
             return ()
         if not isinstance(first, Quantity) or not isinstance(last, Quantity):
             wrong, key = (first, "from") if not isinstance(first, Quantity) else (last, "to")
-            self._error(f"a range needs two numbers, found {kind_of(wrong)}", (*path, key), help=f"list the values: `{name}: [...]`")
+            self._error(f"a range requires two numbers, found {kind_of(wrong)}", (*path, key), help=f"list the values: `{name}: [...]`")
             return ()
         if first.value == last.value:
-            self._error(f"`from` and `to` of `{name}` are the same value", (*path, "to"), help="use different values")
+            self._error(f"`from` and `to` of `{name}` are equal", (*path, "to"), help="use different values")
             return ()
         exact = evenly_spaced(self._text_at((*path, "from")), self._text_at((*path, "to")), count)
         return tuple(exact if exact is not None else spaced_si(first, last, count))
@@ -172,14 +170,14 @@ class AxisParser:
         for index, end in enumerate((low, high)):
             if not isinstance(end, Quantity):
                 self._error(
-                    f"the range of `{name}` needs two numbers, found {kind_of(end)}", (*path, index),
-                    help=f"to draw from a list of values, write the list under `parameters`: `{name}: [{shorten(format_value(end))}, ...]`",
+                    f"the range of `{name}` requires two numbers, found {kind_of(end)}", (*path, index),
+                    help=f"write a list of values under `parameters`: `{name}: [{shorten(format_value(end))}, ...]`",
                 )
                 return None
         assert isinstance(low, Quantity) and isinstance(high, Quantity)
         if not low.value < high.value:
             self._error(
-                f"the range of `{name}` starts at {low} and ends at {high}", path,
+                f"the bounds of `{name}` must increase, found {low} and {high}", path,
                 help="write the smaller value first" if low.value > high.value else "use two different values",
             )
             return None

@@ -400,7 +400,7 @@ class _Batch:
         if row["status"] == STOPPED:
             raise BatchFault(
                 Code.OUTPUT, f"the batch cannot continue: {row['message']}",
-                "fix the problem, and continue with --resume, which keeps all variants that are already built",
+                "fix the problem, and continue with --resume",
             )
         self.spent += row.get("seconds", 0.0)
         self.measured += 1

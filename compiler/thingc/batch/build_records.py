@@ -232,8 +232,8 @@ def find_variant(plan: Plan, key: str, folder: str) -> tuple[Variant, str | None
             return variant, variant.failed or line.get("rule")
     raise BatchFault(
         Code.BATCH_CHANGED,
-        f"the settings of the variant `{key}` in `{shown_path(folder)}` no longer belong to any variant of `{plan.relative}`",
-        "the documents have changed since the batch was built: build the batch again, and use an id from the new table",
+        f"the variant `{key}` in `{shown_path(folder)}` does not match `{plan.relative}`",
+        "build the batch again, and use an identifier from the new table",
     )
 
 

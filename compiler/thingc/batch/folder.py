@@ -52,7 +52,7 @@ def lock_folder(folder: str) -> contextlib.AbstractContextManager[None]:
 
     def refuse(locked: str) -> None:
         message = f"another batch is being written to `{shown_path(locked)}`"
-        raise BatchFault(Code.BATCH_LOCKED, message, "wait until it has finished, or use another folder with -o")
+        raise BatchFault(Code.BATCH_LOCKED, message, "wait until the other batch has finished, or use another folder with -o")
 
     os.makedirs(os.path.dirname(folder), exist_ok=True)
     return lock_output_folder(folder, refuse)
@@ -141,27 +141,25 @@ def prepare_folder(folder: str, document: str, assembly: str) -> None:
         os.makedirs(folder)
     elif not os.path.isdir(folder):
         raise BatchFault(
-            Code.UNEXPECTED, f"`{shown_path(folder)}` is a file, but the batch requires a folder at this path",
-            "move the file, or use another folder with -o",
+            Code.UNEXPECTED, f"the batch folder `{shown_path(folder)}` is a file", "move the file, or use another folder with -o",
         )
     elif os.listdir(folder):
         described = read_batch(folder)
         if described is not None and described.get("document") != document:
             raise BatchFault(
-                Code.UNEXPECTED, f"`{shown_path(folder)}` contains the batch of another document, `{described.get('document')}`; "
-                "nothing was written", "move the existing files, or use another folder with -o",
+                Code.UNEXPECTED, f"`{shown_path(folder)}` contains the batch of another document (`{described.get('document')}`)",
+                "move the existing files, or use another folder with -o",
             )
         unexpected = sorted([*unexpected_files(folder, assembly), *_find_edited(folder)])
         if described is None or unexpected:
             raise BatchFault(
-                Code.UNEXPECTED,
-                f"`{shown_path(folder)}` contains files that no batch of `{document}` wrote, or that have changed since the batch; "
-                f"nothing was written: {quote_names(unexpected, 8)}", "move these files, or use another folder with -o",
+                Code.UNEXPECTED, f"`{shown_path(folder)}` contains unknown or modified files ({quote_names(unexpected, 8)})",
+                "move the files, or use another folder with -o",
             )
         if not described.get("finished"):
             raise BatchFault(
                 Code.BATCH_UNFINISHED, f"`{shown_path(folder)}` contains an unfinished batch",
-                "continue with --resume, or delete the folder to start again",
+                "continue with --resume, or delete the folder",
             )
         _set_aside(folder, described)
 
@@ -246,7 +244,7 @@ def differences(previous: Mapping[str, Any], current: Mapping[str, Any]) -> list
     """Compare the content `previous` of `batch.json` with the new content `current`. Return the reasons against resuming the batch."""
     reasons: list[str] = []
     if previous["layout"] != current["layout"]:
-        reasons.append(f"its layout is `{previous['layout']}`, not `{current['layout']}`")
+        reasons.append(f"the layout is `{previous['layout']}`, not `{current['layout']}`")
     if previous.get("plan") != current["plan"]:
         reasons.append("the settings, rules, modes or targets of the variants differ")
     if changed := _differing_names(previous.get("inputs"), current["inputs"]):
@@ -272,12 +270,12 @@ def explain_os_error(folder: str, fault: OSError) -> BatchFault:
     place = shown_path(str(fault.filename)) if fault.filename is not None else shown_path(folder)
     if fault.errno in NO_ROOM:
         return BatchFault(
-            Code.OUTPUT, f"there is not enough space for the batch in `{shown_path(folder)}`: {os.strerror(fault.errno)}",
-            "free some space, and continue with --resume, which keeps all variants that are already built",
+            Code.OUTPUT, f"not enough disk space for the batch in `{shown_path(folder)}`: {os.strerror(fault.errno)}",
+            "free some space, and continue with --resume",
         )
     if isinstance(fault, (FileExistsError, NotADirectoryError)):
         return BatchFault(
-            Code.OUTPUT, f"cannot write the batch to `{shown_path(folder)}`: a part of the path is a file, not a folder",
+            Code.OUTPUT, f"cannot write the batch to `{shown_path(folder)}`: a parent of the folder is a file",
             "move the file, or use another folder with -o",
         )
     return BatchFault(

@@ -70,7 +70,7 @@ class DamagedChunk(OSError):
     """Raised if a file of a chunk is damaged."""
 
     state = "is damaged"
-    cure = "delete the file, and continue with --resume, which builds the variants of this file again"
+    cure = "delete the file, and continue with --resume"
 
     def __init__(self, path: str) -> None:
         self.words = f"`{shown_path(path)}` {self.state}"
@@ -81,7 +81,7 @@ class MissingChunk(DamagedChunk):
     """Raised if the variants of a chunk are finished, but a file of this chunk does not exist."""
 
     state = "no longer exists"
-    cure = "continue with --resume, which builds the variants of this file again"
+    cure = "continue with --resume"
 
 
 @contextlib.contextmanager

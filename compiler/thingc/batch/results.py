@@ -190,8 +190,8 @@ class BuiltVariant(OneLineRepr):
             return self._files.read(f"mjcf/{file}")
         except FileNotFoundError:
             raise FamilyError(
-                f"there is no `{shown_path(os.path.join(self.folder, 'mjcf', file))}`: the batch was built without the target "
-                "`mjcf`, or was moved or changed later", "build the batch again with `--emit mjcf`",
+                f"the MuJoCo model `{shown_path(os.path.join(self.folder, 'mjcf', file))}` does not exist",
+                "build the batch again with `--emit mjcf`",
             ) from None
 
 
@@ -270,7 +270,7 @@ class BatchResults(Sequence[BuiltVariant]):
         if isinstance(key, str):
             return self._find_variant(key)
         if not -len(self) <= key < len(self):
-            raise IndexError(f"batch `{self.name}` has {format_count(len(self), 'variant')}, but none at index {key}")
+            raise IndexError(f"index {key} is out of range for batch `{self.name}` with {format_count(len(self), 'variant')}")
         return self._variant(self._indices[key])
 
     def _find_variant(self, key: str) -> BuiltVariant:
@@ -280,7 +280,7 @@ class BatchResults(Sequence[BuiltVariant]):
             raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`", did_you_mean(key, names, what="variants"))
         if not contains(self._indices, index):
             row = _row(self.records.line(index))
-            known = f"its status is `{row['status']}`" if row["status"] != "built" else "the variant is not loaded"
+            known = f"status `{row['status']}`" if row["status"] != "built" else "not loaded"
             raise UnknownVariant(f"the variant `{key}` is not available: {known}{_because(row)}")
         return self._variant(index)
 
@@ -328,7 +328,7 @@ class BatchResults(Sequence[BuiltVariant]):
         if name is None:
             if len(self.mode_names) > 1:
                 known = ", ".join(f"`{mode_name}`" for mode_name in self.mode_names)
-                raise FamilyError(f"batch `{self.name}` has {len(self.mode_names)} modes, {known}", "select one with `mode=\"...\"`")
+                raise FamilyError(f"batch `{self.name}` has {len(self.mode_names)} modes ({known})", "select a mode with `mode=\"...\"`")
             name = self.mode_names[0]
         if name not in self.mode_names:
             raise UnknownVariant(f"batch `{self.name}` has no mode `{name}`", did_you_mean(str(name), self.mode_names, what="modes"))
@@ -382,8 +382,8 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
     described = read_batch(path)
     if described is None:
         batches = [name for name in listing(path) if read_batch(os.path.join(path, name))]
-        hint = f"; it contains the batches: {', '.join(f'`{name}`' for name in batches)}" if batches else ""
-        raise FamilyError(f"`{shown_path(path)}` is not the folder of a batch{hint}", "run `thingc batch` to create one")
+        hint = f" (batches inside: {', '.join(f'`{name}`' for name in batches)})" if batches else ""
+        raise FamilyError(f"`{shown_path(path)}` is not the folder of a batch{hint}", "run `thingc batch` to create a batch")
     check_chunks(path, described)
     records = BuildRecords(path)
     robot = json.loads(records.files(records.built[0]).read(MANIFEST))["name"] if records.built else ""
@@ -429,5 +429,5 @@ def _holds(cell: Any, condition: Any) -> bool:
 
 def _because(row: Mapping[str, Any]) -> str:
     if "rule" in row:
-        return f", because of the rule `{row['rule']}`"
+        return f" (rule `{row['rule']}`)"
     return f" ({row['code']}: {row['message']})" if "code" in row else ""

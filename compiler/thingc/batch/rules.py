@@ -75,7 +75,7 @@ def violations(
         except KeyError as fault:
             error = Diagnostic(
                 code=Code.RESULT, severity=Severity.ERROR,
-                message=f"the rule `{rule.text}` uses `{fault.args[0]}`, which mode `{mode}` does not have",
+                message=f"`{fault.args[0]}` in the rule `{rule.text}` is not defined in mode `{mode}`",
                 help="choose another mode or pose for the results, or remove the rule",
             )
         except ExpressionError as fault:
@@ -130,14 +130,14 @@ def read_rules(
                 if result != "reach" or reach:
                     names[use.name] = result
                     continue
-                message = "a rule uses `reach`, but the variants document does not define the key `reach`"
+                message = "the key `reach` of the variants document is required for the rule"
                 help = "add two mounts of the assembly, for example `reach: {of: tip, from: base}`"
             except KeyError:
                 message = f"unknown name `{use.name}`: expected the name of a parameter or a result"
                 known = [*parameters, *RESULTS, *(LENGTHS + joint for joint in lengths)]
                 help = did_you_mean(use.name, known, what="names")
             except ValueError:
-                message = f"the name `{use.name}` is ambiguous: a parameter and a result have this name"
+                message = f"the name `{use.name}` of a parameter and a result is ambiguous"
                 help = f"write `{PARAMETERS}{use.name}` or `{OF_RESULTS}{use.name}`"
             _report(report, document, path, message, use.offset, use.end, help)
             valid = False

@@ -71,10 +71,7 @@ def check_engine(executor: Executor | None, ship: bool) -> None:
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise BatchFault(Code.COMMAND_LINE, f"expected `executor` to be an executor of `concurrent.futures`, found `{executor}`")
     if ship and not isinstance(executor, DaskCluster):
-        raise BatchFault(
-            Code.COMMAND_LINE, "--ship can only be used with Dask workers",
-            "remove --ship: SLURM jobs and local processes read the workspace without a copy",
-        )
+        raise BatchFault(Code.COMMAND_LINE, "--ship can only be used with Dask workers", "remove --ship")
 
 
 def chosen_targets(emit: Sequence[str] | str) -> tuple[str, ...]:

@@ -146,12 +146,12 @@ def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
     """
     count = min(map(len, fields.values()), default=sys.maxsize)
     if not is_whole(index, 0) or index >= count:
-        raise FamilyError(f"there are fields for {format_count(count, 'variant')}, but none for index {index}")
+        raise FamilyError(f"index {index} is out of range for fields of {format_count(count, 'variant')}")
     for name, values in fields.items():
         target = getattr(*owner_of(model, name), None)
         rows = values.shape[1:2] if name in LEADING else ()
         if target is None or values.shape[1:] != (*rows, *getattr(target, "shape", ())[len(rows):]):
-            raise FamilyError(f"the field `{name}` and this model belong to different batches")
+            raise FamilyError(f"the field `{name}` and the model belong to different batches")
     for name, values in fields.items():
         owner, field = owner_of(model, name)
         target = getattr(owner, field)
@@ -199,7 +199,7 @@ def write(
 def _family(source: str | os.PathLike[str] | BatchResults) -> BatchResults:
     family = source if isinstance(source, BatchResults) else load(source)
     if not len(family):
-        raise FamilyError(f"batch `{family.name}` has no built variant here, so there is no model")
+        raise FamilyError(f"batch `{family.name}` has no built variant")
     return family
 
 
@@ -226,12 +226,12 @@ def _same_structure(model: Any, other: Any, first: BuiltVariant, second: BuiltVa
     for name in (*sizes, *differing):
         a, b = getattr(model, name, None), getattr(other, name, None)
         if isinstance(a, np.ndarray):
-            raise StructuresDiffer(name, f"`{name}` differs {variants}{_where(model, name, a, b)}, but cannot be changed in place")
+            raise StructuresDiffer(name, f"`{name}` differs {variants}{_where(model, name, a, b)} and cannot be changed in place")
         if isinstance(a, int | bytes):
             raise StructuresDiffer(name, f"`{name}` differs {variants}{f': {a} and {b}' if isinstance(a, int) else ''}")
         if name.startswith("opt."):
             option = name.removeprefix("opt.")
-            raise StructuresDiffer(name, f"the option `{option}` differs {variants}, but cannot be changed in place")
+            raise StructuresDiffer(name, f"the option `{option}` differs {variants} and cannot be changed in place")
 
 
 def _raise_of_meshes(model: Any, other: Any, both: str) -> None:
@@ -242,9 +242,9 @@ def _raise_of_meshes(model: Any, other: Any, both: str) -> None:
     for k in range(model.nmesh):
         slices = [slice(one.mesh_vertadr[k], one.mesh_vertadr[k] + one.mesh_vertnum[k]) for one in (model, other)]
         if not np.array_equal(model.mesh_vert[slices[0]], other.mesh_vert[slices[1]]):
-            message = f"the mesh `{model.mesh(k).name}` differs {both}, but meshes cannot be changed in place"
+            message = f"the mesh `{model.mesh(k).name}` differs {both} and cannot be changed in place"
             raise StructuresDiffer("mesh_vert", message)
-    raise StructuresDiffer("mesh_face", f"meshes differ {both}, but cannot be changed in place")
+    raise StructuresDiffer("mesh_face", f"meshes differ {both} and cannot be changed in place")
 
 
 def element_names(model: Any) -> dict[str, list[str]]:

@@ -361,7 +361,7 @@ class _Planner:
             duplicate = next((k for k, other in enumerate(settings) if (other.parameters, other.choices) == (values, chosen)), None)
             if duplicate is not None and len(self.report.diagnostics) == error_count:
                 self.report.warn(
-                    Code.DUPLICATE_VARIANT, "this variant is listed twice, but is built only once", self.document.span(at),
+                    Code.DUPLICATE_VARIANT, "the variant is listed twice", self.document.span(at),
                     help="remove one of the two variants from the list",
                     path=format_path(at), notes=[Note(message="also listed here", span=self.document.span(("list", duplicate)))],
                 )
@@ -395,7 +395,7 @@ class _Planner:
         if self.spec.sample is not None or count <= MOST:
             return True
         product = " x ".join(str(size) for _, size in sizes) if len(sizes) < 10 else f"{len(sizes)} axes"
-        message = f"the grid has {count} variants ({product}), but a batch can have at most {MOST}"
+        message = f"the number of variants ({product} = {count}) exceeds the maximum ({MOST})"
         self.error(Code.VARIANT_VALUE, message, (sizes[0][0],), "use fewer values, or draw variants with `sample:`", key=True)
         return False
 
@@ -439,7 +439,7 @@ class _Planner:
         mode = next((mode for mode in model.modes if mode.name == mode_name), None)
         if mode is None or not (mode.holds or any(joint.loop for joint in model.joints)):
             return
-        message = f"`torque_margin` is undefined in mode `{mode.name}`, because its loops make the efforts of the drives ambiguous"
+        message = f"`torque_margin` is not defined for the closed loops of mode `{mode.name}`"
         for index, expression in enumerate(self.spec.keep):
             if any(rule.expression is expression and "torque_margin" in rule.names.values() for rule in rules):
                 self.error(Code.RESULT, message, ("keep", index), "put another mode first under `modes`, or remove the rule")

@@ -123,7 +123,7 @@ def _report_losses(losses: Sequence[Loss], document: Origin, report: Report) -> 
     """Report each export loss as an error, except losses that an `allow` entry suppresses, at their location or for the whole document."""
     for loss in losses:
         if not report.allows(Code.LOSS_DENIED, (*loss.origin, *document)):
-            mode = f" in mode `{loss.mode}`" if loss.mode is not None else ""
+            mode = f" in mode `{loss.mode}`" if loss.mode not in (None, loss.path) else ""
             report.add(
                 Code.LOSS_DENIED, f"export loss in {loss.target} at `{loss.path}`{mode}: {loss.what} ({loss.how})", loss.origin,
                 path=loss.path, allow=True,

@@ -151,15 +151,11 @@ def _nested_value_error(root: Document, path: str) -> Diagnostic | None:
         name = choice.components[0] if choice is not None and choice.components else None
         if name is None or node_at(root.tree, ("components", name)) is not None:
             return None
-        return _error(
-            f"`{path}` is one of several copies of a component, and cannot be changed separately",
-            "set the value of the repeated component, which applies to all copies",
-        )
+        return _error(f"`{path}` is a copy of a repeated component", "set the value of the repeated component")
     component, inner_path = nested
     text = node_at(root.tree, ("components", component, "assembly"))
     inner = getattr(text, "text", "the nested document")
-    message = f"`{path}` is defined in `{inner}`, so the change would affect every component that uses this document"
-    return _error(message, f"`thingc set {inner} '{inner_path}=...'`")
+    return _error(f"`{path}` is defined in the nested document `{inner}`", f"run `thingc set {inner} '{inner_path}=...'`")
 
 
 def _error(message: str, help: str, span: Span | None = None) -> Diagnostic:

@@ -60,8 +60,8 @@ class UnexpectedFilesError(OutputError):
     code = Code.UNEXPECTED
 
     def __init__(self, folder: str, names: tuple[str, ...], message: str, *, ours: bool) -> None:
-        more = ", or overwrite them with --force" if ours else ""
-        super().__init__(message, f"move these files, or build into another folder with -o{more}")
+        more = ", or use --force" if ours else ""
+        super().__init__(message, f"move the files, or build into another folder with -o{more}")
         self.folder = folder
         self.names = names
 
@@ -138,7 +138,7 @@ def write_new(folder: str, files: Mapping[str, bytes]) -> str:
     display_path, exists = shown_path(folder), os.path.isdir(folder)
 
     def refuse(_: str) -> NoReturn:
-        raise OutputError(f"another command is creating `{display_path}`", "wait until it has finished, or choose another name")
+        raise OutputError(f"another command is creating `{display_path}`", "wait until the command has finished, or choose another name")
 
     try:
         os.makedirs(os.path.dirname(folder), exist_ok=True)
@@ -146,7 +146,7 @@ def write_new(folder: str, files: Mapping[str, bytes]) -> str:
         with lock_folder(base, refuse):
             new_folder = _sibling_path(base, "new")
             if not exists and os.path.lexists(folder):
-                raise OutputError(f"`{display_path}` already exists and is a file", "choose another name, or move the file")
+                raise OutputError(f"the file `{display_path}` already exists", "choose another name, or move the file")
             _delete(new_folder)
             try:
                 _write_files(new_folder, files, None)
@@ -335,8 +335,7 @@ def _refuse_unexpected(folder: str, document: str, also: Collection[str], digest
     if not os.path.lexists(folder):
         return UnexpectedFiles(None, ())
     if not os.path.isdir(folder):
-        message = f"`{shown_path(folder)}` is a file, but the build requires a folder at this path"
-        raise OutputError(message, "move the file, or build into another folder with -o")
+        raise OutputError(f"the build folder `{shown_path(folder)}` is a file", "move the file, or build into another folder with -o")
     unexpected = unexpected_files(folder, document, also=also, known=digests)
     if unexpected.names and not (force and unexpected.owner == document):
         raise _unexpected_error(folder, unexpected, document)
@@ -347,16 +346,13 @@ def _unexpected_error(folder: str, unexpected: UnexpectedFiles, document: str) -
     display_path = f"`{shown_path(folder)}`"
     ours = unexpected.owner == document
     if unexpected.owner is not None and not ours:
-        message = f"{display_path} contains the build of another document (`{unexpected.owner}`, not `{document}`); nothing was written"
+        message = f"{display_path} contains the build of another document (`{unexpected.owner}`)"
     else:
         groups = [
             f"{description} ({quote_names(names, 8)})"
-            for description, names in (
-                (f"files that no build of `{document}` wrote", unexpected.others),
-                ("files that have changed since the build", unexpected.changed),
-            ) if names
+            for description, names in (("unknown files", unexpected.others), ("modified files", unexpected.changed)) if names
         ]
-        message = f"{display_path} contains {' and '.join(groups)}; nothing was written"
+        message = f"{display_path} contains {' and '.join(groups)}"
     return UnexpectedFilesError(folder, unexpected.names, message, ours=ours)
 
 
@@ -486,7 +482,7 @@ def _fault_text(folder: str, fault: OSError) -> str:
     """Format an error of the operating system as a message that explains why the build folder cannot be written."""
     display_path = shown_path(folder)
     if fault.errno in NO_ROOM:
-        return f"there is not enough space for the build in `{display_path}`: {os.strerror(fault.errno)}"
+        return f"not enough disk space for the build in `{display_path}`: {os.strerror(fault.errno)}"
     reason = fault.strerror or str(fault)
     return f"cannot write the build to `{display_path}`: {reason}"
 

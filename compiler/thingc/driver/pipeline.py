@@ -71,7 +71,7 @@ def chosen_consumers(names: Iterable[str] | str) -> tuple[str, ...]:
     requested = [item for item in (names.split(",") if isinstance(names, str) else names) if item]
     for item in requested:
         if item not in CONSUMERS:
-            raise UnknownChoice(f"MuJoCo models are not written for `{abbreviate(item)}`", did_you_mean(item, CONSUMERS, what="programs"))
+            raise UnknownChoice(f"`--compat` does not support `{abbreviate(item)}`", did_you_mean(item, CONSUMERS, what="programs"))
     return tuple(name for name in CONSUMERS if name in requested)
 
 

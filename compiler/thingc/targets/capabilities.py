@@ -168,7 +168,7 @@ AnyCapabilities = Capabilities[Any, Any, Any, Any, Any]
 """Type of the capabilities of an arbitrary target."""
 
 
-MOVING_BASES = {"held": "the held base, which can be moved at run time", "free": "the free base"}
+MOVING_BASES = {"held": "the motion of the held base", "free": "the free base"}
 """Descriptions of the export losses of moving bases. For any other base, the motion of the base is the loss."""
 
 
@@ -220,7 +220,7 @@ class _LossFinder:
                     continue
                 what = f"the mimic of `{mimic.joint.path}`"
                 if mimic.joint.path not in joint_paths:
-                    yield from self(OMITTED, robot.mode.name, joint.path, f"{what}, where a loop is cut", mimic.origin)
+                    yield from self(OMITTED, robot.mode.name, joint.path, f"{what} at a cut loop", mimic.origin)
                     continue
                 yield from self(cells["mimic"], None, joint.path, what, mimic.origin)
                 if mimic.higher:
@@ -249,11 +249,11 @@ class _LossFinder:
         """Yield the export losses for a tendon, or for one of the drives of a differential."""
         cells, drive = self.capabilities["of_joints"], tendon.actuator
         if drive is None or drive.transmission is None:
-            yield from self(cells["tendon"], None, tendon.path, "this tendon and its dynamics", tendon.origin)
+            yield from self(cells["tendon"], None, tendon.path, "the tendon and its dynamics", tendon.origin)
             if drive is not None and not isinstance(cells["tendon"], Omitted):
                 yield from self.of_effects(tendon.path, drive)
             return
-        yield from self(cells["differential"], None, tendon.path, f"this drive of the differential `{drive.transmission}`", tendon.origin)
+        yield from self(cells["differential"], None, tendon.path, f"the drive of the differential `{drive.transmission}`", tendon.origin)
         if not isinstance(cells["differential"], Omitted):
             yield from self(self.capabilities["drives"][drive.kind], None, tendon.path, _describe_drive(drive), drive.origin)
             yield from self.of_effects(tendon.path, drive)
@@ -282,7 +282,7 @@ class _LossFinder:
         mode, modes, base, bases = robot.mode, self.capabilities["modes"], robot.base, self.capabilities["bases"]
         for closure in robot.closures:
             cell = self.capabilities["loops"]["hold" if closure.hold else closure.kind]
-            what = "the hold of this mount" if closure.hold else "the loop through this joint"
+            what = "the hold of the mount" if closure.hold else "the loop through the joint"
             yield from self(cell, mode.name, closure.path, what, closure.origin)
         for body in robot.bodies:
             link = robot.assembly.links[body.link]
@@ -300,7 +300,7 @@ class _LossFinder:
             (FULL if base == "fixed" else bases[base], MOVING_BASES.get(base, "the motion of the base"), base != "fixed"),
             (bases["start"], "the start pose", base == "free" and robot.bodies[0].X_PL != NO_POSE),
             *self.simulation_settings(mode.simulation),
-            (modes["exclude"], "excluded contacts, except between links that a joint connects", bool(mode.exclude)),
+            (modes["exclude"], "excluded contacts of links without a common joint", bool(mode.exclude)),
             (modes["pairs"], "the contact pairs", bool(mode.pairs)),
             (modes["groups"], "the contact groups", bool(mode.groups)),
         )
@@ -325,7 +325,7 @@ class _LossFinder:
         The `cutoff` of a rangefinder is its range and not a limit of its readings.
         """
         cell, cells = self.capabilities["sensors"][sensor.kind], self.capabilities["of_sensors"]
-        yield from self(cell, None, sensor.path, "this sensor", sensor.origin)
+        yield from self(cell, None, sensor.path, "the sensor", sensor.origin)
         if is_written(cell):
             if sensor.noise:
                 yield from self(cells["noise"], None, sensor.path, "the noise", sensor.origin)
@@ -343,7 +343,7 @@ class _LossFinder:
         for sensor in assembly.sensors:
             yield from self.of_sensor(sensor)
         for pose in assembly.poses:
-            yield from self(self.capabilities["modes"]["poses"], None, pose.name, "this pose", pose.origin)
+            yield from self(self.capabilities["modes"]["poses"], None, pose.name, "the pose", pose.origin)
         in_modes = (assembly.in_mode(mode.name) for mode in assembly.modes)
         occurrences = {id(one): one for variant in (assembly, *in_modes) for one in variant.occurrences}.values()
         materials = [item.material for item in assembly.occurrences]

@@ -137,7 +137,7 @@ def report_same_file(occurrence: Occurrence, owner: Occurrence, path: str, repor
     """Report that two occurrences with different definitions would be written as the same file."""
     label, other_label = occurrence.definition.label, owner.definition.label
     report.add(
-        Code.SAME_FILE, f"`{label}` and `{other_label}` would both be written as `{path}`", occurrence.origin, path=occurrence.path,
+        Code.SAME_FILE, f"`{label}` and `{other_label}` have the same file name (`{path}`)", occurrence.origin, path=occurrence.path,
         help="rename one of the two files", notes=[Note(message=f"`{other_label}` is used here", span=next(iter(owner.origin), None))],
     )
 

@@ -51,11 +51,11 @@ class MangledNames:
     """The names in one namespace of a file of the format `target` (such as `URDF`). If a name is used twice, an error is reported at the
     second use.
 
-    `both` is a phrase for this error message: `be the link` or `have the name`.
+    `kind` is the kind of the names in this error message: `name` or `link name`.
     """
 
-    def __init__(self, both: str, target: str, report: Report) -> None:
-        self._both = both
+    def __init__(self, kind: str, target: str, report: Report) -> None:
+        self._kind = kind
         self._target = target
         self._report = report
         self._owners: dict[str, tuple[str, Origin]] = {}
@@ -74,7 +74,7 @@ class MangledNames:
         owner, before = self._owners.setdefault(name, this)
         if (owner, before) != this:
             self._report.add(
-                Code.SAME_NAME, f"{this[0]} and {owner} would both {self._both} `{name}` in {self._target}", origin, path=path,
+                Code.SAME_NAME, f"{this[0]} and {owner} have the same {self._kind} in {self._target} (`{name}`)", origin, path=path,
                 help="rename one of the two elements" if before else "choose another name",
                 notes=[Note(message=f"{owner} is defined here", span=span) for span in before[:1]],
             )

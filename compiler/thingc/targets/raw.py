@@ -56,17 +56,17 @@ def _apply(attribute: RawAttribute, files: Sequence[Element]) -> Fault | None:
             steps = attribute.path[2:] if attribute.target == "sdf" else attribute.path[2:-1]
             for number, step in enumerate(steps, start=2):
                 if element.text:
-                    return f"`{element.tag}` contains a value and has no `{step}`", "write its value", number
+                    return f"`{element.tag}` contains a value and has no `{step}`", "write the value", number
                 element = element.find(step) or element.add(step, origin=attribute.origin)
             inside = element.find(attribute.path[-1]) if attribute.target == "urdf" else None
             if inside is not None:
                 names = ", ".join(f"`{name}`" for name in inside.attributes) or "the new value"
-                return f"`{inside.tag}` is an element, not an attribute", f"use one of its attributes: {names}", len(attribute.path) - 1
+                return f"`{inside.tag}` is an element, not an attribute", f"use one of the attributes: {names}", len(attribute.path) - 1
             if attribute.target == "urdf":
                 element.set_raw(attribute.path[-1], attribute)
             elif element.children:
                 tags = ", ".join(dict.fromkeys(f"`{child.tag}`" for child in element.children))
-                return f"`{element.tag}` contains other elements, not a value", f"use one of {tags}", len(attribute.path) - 1
+                return f"`{element.tag}` contains elements instead of a value", f"use one of {tags}", len(attribute.path) - 1
             else:
                 element.text = attribute.value
     return None
@@ -76,7 +76,7 @@ def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Ele
     """Return the reason why the path of a raw attribute is invalid, or None if the path is valid."""
     path, target = attribute.path, attribute.target
     if path[0] not in KINDS:
-        message = f"there are no raw attributes of `{path[0]}` in `{target}`"
+        message = f"`{path[0]}` has no raw attributes in `{target}`"
         return message, did_you_mean(path[0], KINDS, what="kinds of elements"), 0
     if len(path) < 3:
         return f"`{attribute.dotted}` must be the path of a value", f"write `{path[0]}: {{NAME: {{KEY: VALUE}}}}`", 0
@@ -87,7 +87,7 @@ def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Ele
         prefix, colon, _ = step.rpartition(":")
         if colon and prefix not in PREFIXES[target]:
             prefixes = ", ".join(f"`{known_prefix}:`" for known_prefix in PREFIXES[target])
-            return f"`{target}` has no prefix `{prefix}:`", f"known prefixes: {prefixes}", number
+            return f"unknown prefix `{prefix}:` in `raw.{target}`", f"use one of the prefixes {prefixes}", number
     why = unwritable(path[-1], attribute.value)
     if why is not None:
         return why, "remove the character", len(path)
@@ -97,7 +97,7 @@ def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Ele
     if not files or (path[0] == "joint" and in_files(path[1]) in map(safe, cut)):
         return None
     known = {element.get("name") for file in files for element in file.walk() if element.tag == path[0]}
-    return f"`{target}` has no {path[0]} `{path[1]}`", did_you_mean(path[1], known, what=f"{path[0]}s"), 1
+    return f"`raw.{target}` refers to the unknown {path[0]} `{path[1]}`", did_you_mean(path[1], known, what=f"{path[0]}s"), 1
 
 
 REFERRING = ("transmission", "ros2_control")

@@ -144,9 +144,9 @@ def run_emitters(request: EmitRequest, targets: Sequence[str]) -> dict[str, Arti
         # the next build would not recognise files with undeclared paths
         if declared is not None and (undeclared := sorted(path for path in result.files if declared.fullmatch(path) is None)):
             request.report.add(
-                Code.UNSTATED, f"the target `{target}` writes `{undeclared[0]}`, but `{module_of(target)}.WRITES` does not list it", None,
+                Code.UNSTATED, f"the target `{target}` writes the unlisted file `{undeclared[0]}`", None,
                 path=target,
-                help=f'ask the author of the package to list all files of the target: `WRITES = ("{undeclared[0]}",)`',
+                help=f'ask the author of the package to write `WRITES = ("{undeclared[0]}",)` in `{module_of(target)}`',
             )
         artifacts[target] = replace(result, losses=tuple(loss for loss in result.losses if loss not in reported))
         reported |= dict.fromkeys(result.losses)

@@ -229,7 +229,7 @@ def unwritable(name: str, value: str) -> str | None:
     if NAME.fullmatch(name) is None:
         return f"`{name}` is not a valid name in XML"
     invalid = NO_CHARACTER.search(value)
-    return None if invalid is None else f"XML cannot contain the character `{escape_control(invalid[0])}`"
+    return None if invalid is None else f"the character `{escape_control(invalid[0])}` is not allowed in XML"
 
 
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})

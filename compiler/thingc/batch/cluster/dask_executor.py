@@ -60,7 +60,7 @@ class DaskCluster(Cluster):
         except Exception as fault:  # OSError, or other exceptions if the program is not a scheduler
             raise BatchFault(
                 Code.CLUSTER, f"no Dask scheduler responds at `{address}`: {_first_line(fault)}",
-                "start a scheduler with `dask scheduler`, which prints its address, or check firewalls",
+                "start a scheduler with `dask scheduler`, or check the firewall",
             ) from None
         try:
             self._client.wait_for_workers(1, timeout=TIMEOUT)
@@ -111,8 +111,7 @@ class DaskCluster(Cluster):
                     problem = "cannot find" if hashes[path] is None else "has different content for"
                     raise BatchFault(
                         Code.CLUSTER, f"the worker {worker} {problem} `{path}`",
-                        "put the documents and the batch folder (-o) on a file system that all machines share under the same paths, "
-                        "or use --ship, which copies the documents and fetches the results",
+                        "store the documents and the batch folder on a shared file system, or use --ship",
                     )
 
     def fault(self) -> BatchFault | None:
@@ -138,7 +137,7 @@ class DaskCluster(Cluster):
         elif now - self._without_workers_since > PATIENCE:
             return BatchFault(
                 Code.CLUSTER, f"the scheduler at `{self.address}` has had no worker for {PATIENCE:g} s",
-                "start workers, and continue with --resume, which keeps all variants that are already built",
+                "start workers, and continue with --resume",
             )
         return None
 
@@ -158,7 +157,7 @@ class DaskCluster(Cluster):
             self.unship(name)
             raise BatchFault(
                 Code.CLUSTER, f"a worker cannot receive the workspace: {_first_line(fault)}",
-                "free disk space for the folders in which workers unpack the workspace (`--local-directory` of `dask worker`)",
+                "free disk space in the folder `--local-directory` of each worker",
             ) from None
 
     def unship(self, name: str) -> None:
@@ -211,7 +210,7 @@ class DaskCluster(Cluster):
     def _lost(self, reason: str) -> BatchFault:
         return BatchFault(
             Code.CLUSTER, f"the connection to the scheduler at `{self.address}` was lost: {reason}",
-            "continue with --resume, which keeps all variants that are already built; to continue on this machine, omit --cluster",
+            "continue with --resume, with or without --cluster",
         )
 
 

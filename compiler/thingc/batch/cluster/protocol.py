@@ -46,4 +46,4 @@ class Cluster(Executor):
 
 def missing(package: str) -> BatchFault:
     """Return the error for a required Python package that is not installed."""
-    return BatchFault(Code.CLUSTER, f"the package `{package}` is not installed, and `--cluster` needs it", "pip install 'thingc[cluster]'")
+    return BatchFault(Code.CLUSTER, f"`--cluster` requires the package `{package}`", "run `pip install 'thingc[cluster]'`")

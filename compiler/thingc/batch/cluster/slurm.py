@@ -147,7 +147,7 @@ class SlurmCluster(Cluster):
         self._stop = threading.Event()
         if settings.cluster == "slurm" and shutil.which("sbatch") is None:
             raise BatchFault(
-                Code.CLUSTER, "there is no SLURM on this machine: the command `sbatch` is missing",
+                Code.CLUSTER, "the SLURM command `sbatch` is not installed",
                 "run the command on a machine that can submit jobs, or use `slurm:cluster=local` for a test",
             )
         os.makedirs(folder, exist_ok=True)

@@ -59,7 +59,7 @@ class WorkspaceArchive(FrozenStruct):
         Raises `OSError` if writing fails, and `ValueError` if the archive is damaged or contains unsafe paths.
         """
         if not hasattr(tarfile, "data_filter"):
-            raise ValueError("this version of Python cannot unpack archives safely: 3.11.4 or newer is required")
+            raise ValueError("safe unpacking of archives requires Python 3.11.4 or newer")
         data = b""
         with contextlib.suppress(zlib.error):
             data = zlib.decompress(self.data)
@@ -156,8 +156,8 @@ class _Search:
         limit = f"{MOST_FILES} files" if len(self.found) > MOST_FILES else f"{MOST_BYTES // 1_000_000} MB"
         largest = ", ".join(f"`{name}` ({size / 1e6:.1f} MB)" for name, size in self.sizes.most_common(3))
         return BatchFault(
-            Code.TOO_LARGE, f"the workspace in `{self.root}` has more than {limit}, the limit of --ship; found so far: {largest}",
-            "move unrelated files out of the workspace folder, or move the robot to a folder with its own `thingc.toml`",
+            Code.TOO_LARGE, f"the workspace `{self.root}` exceeds the limit of --ship ({limit})",
+            f"move unrelated files out of the workspace, such as {largest}",
         )
 
 
@@ -171,7 +171,7 @@ def _entries(folder: str) -> Iterator[os.DirEntry[str]]:
 
 def _unreadable(path: str, fault: OSError) -> BatchFault:
     reason = (fault.strerror or str(fault)).lower()
-    return BatchFault(Code.UNREADABLE, f"cannot read `{path}` to ship it: {reason}", "make the file readable, or move the file elsewhere")
+    return BatchFault(Code.UNREADABLE, f"cannot read `{path}` to ship it: {reason}", "make the file readable, or move the file")
 
 
 def _put(archive: tarfile.TarFile, workspace: Workspace, name: str, sha256: str | None) -> None:
@@ -187,7 +187,7 @@ def _put(archive: tarfile.TarFile, workspace: Workspace, name: str, sha256: str 
             with open(path, "rb") as stream:
                 data = stream.read(MOST_BYTES + 1)
             if sha256 is not None and hashlib.sha256(data).hexdigest() != sha256:
-                raise BatchFault(Code.BATCH_CHANGED, f"`{name}` changed while the batch was planned", "run the command again")
+                raise BatchFault(Code.BATCH_CHANGED, f"`{name}` changed during the planning of the batch", "run the command again")
             _add(archive, name, data, 0o755 if state.st_mode & stat.S_IXUSR else 0o644)
     except OSError as fault:
         raise _unreadable(path, fault) from fault
@@ -200,7 +200,7 @@ def _link(archive: tarfile.TarFile, workspace: Workspace, name: str, target: str
     first = os.path.join(os.path.realpath(os.path.dirname(path)), os.path.basename(path))  # the first link of a chain of links
     if not workspace.contains(path) or not os.path.join(first, "").startswith(os.path.join(os.path.realpath(workspace.root), "")):
         raise BatchFault(
-            Code.OUTSIDE_WORKSPACE, f"`{name}` links to `{target}`, outside the workspace, and cannot be shipped",
+            Code.OUTSIDE_WORKSPACE, f"the symbolic link `{name}` leads outside the workspace (`{target}`)",
             "copy the target into the workspace, or remove the link",
         )
     header = _header(name, tarfile.SYMTYPE, 0o777)

@@ -215,7 +215,7 @@ class RobotFamily:
                 write_build(parent, name, files, store, self._root.relative)
         except BlobMissing as fault:
             message = f"the cache `{store.root}` no longer contains the meshes of parts"
-            raise OutputError(message, "create the family again, which rebuilds missing parts") from fault
+            raise OutputError(message, "create the family again") from fault
         return problems
 
     def _switch_modes(self, settings: Mapping[str, Any] | Variant, modes: Sequence[str]) -> Modes | NoModel:
@@ -406,7 +406,7 @@ class RobotFamily:
                 raise FamilyError(f"there is no test `{name}`", did_you_mean(name, self._numbers.spec.tests, what="tests"))
             if not tested_values(kind := self._numbers.spec.tests[name].kind):
                 raise FamilyError(
-                    f"`{TEST}{name}` has no derivatives, because the result of a `{kind}` test is not a smooth function",
+                    f"`{TEST}{name}` has no derivatives (kind `{kind}`)",
                     f"remove `{TEST}{name}`",
                 )
         if names and not alone:

@@ -133,7 +133,7 @@ class FamilyFunction:
         self.names = tuple(names)
         fixed = [other for name in at for other in (str(name), *reader.matching_names(str(name)))]
         if duplicates := [name for place, name in enumerate(self.names) if name in (*self.names[:place], *fixed)]:
-            raise FamilyError(f"`{duplicates[0]}` is given twice", "keep only one of the two")
+            raise FamilyError(f"`{duplicates[0]}` is given twice", "keep only one of the values")
         kinds = [self._number(name) for name in self.names]
         self.dimensions = tuple(kind.dimension for kind in kinds)
         self.units = tuple(map(standard_unit, self.dimensions))
@@ -312,8 +312,7 @@ class FamilyFunction:
         agree = all(np.all(np.abs(slopes - sides[0][0]) <= TOLERANCE * np.abs(slopes) + tolerance) for pair in sides for slopes in pair)
         if not sides or not agree:
             raise NotDifferentiable(
-                f"the results are not differentiable with respect to `{self.names[place]}` at {self._format_row(x)}: "
-                "a result or a derivative jumps there",
+                f"the results are not differentiable with respect to `{self.names[place]}` at {self._format_row(x)}",
                 f"choose another value of `{self.names[place]}`"
             )
         if len(sides) == 1 and np.all(np.abs(derivative - sides[0][0]) <= TOLERANCE * np.abs(derivative) + tolerance):
@@ -371,8 +370,8 @@ class FamilyFunction:
         if not np.all(values.ok):
             name, problems = self.names[place], values.problems[int(np.argmin(values.ok))] if values.ok is not None else ()
             raise NotDifferentiable(
-                f"the derivative with respect to `{name}` is estimated from `{name}` = {points[0, place]:g} to {points[-1, place]:g}, and "
-                f"some values have no results: {_errors(problems) or 'a result does not exist'}", f"choose another value of `{name}`",
+                f"results for the derivative are missing between `{name}` = {points[0, place]:g} and {points[-1, place]:g}: "
+                f"{_errors(problems) or 'a result does not exist'}", f"choose another value of `{name}`",
             )
         return np.asarray(values)
 
@@ -401,7 +400,7 @@ class FamilyFunction:
         if kind is not None:
             text = str(kind).lower() if isinstance(kind, bool) else str(kind)
             raise FamilyError(
-                f"expected a number as the value of `{name}`, found `{text}`", f"remove `{name}`, or set its value separately",
+                f"expected a number as the value of `{name}`, found `{text}`", f"remove `{name}`, or set the value separately",
             )
         if name in self._reader.read({name: 0.0}).names:
             raise FamilyError(f"the document has no value for `{name}`", "set the value in the document")

@@ -36,7 +36,7 @@ def jax_function(program: Program, by: Sequence[int], values: Sequence[float], d
         raise FamilyError("64-bit numbers are disabled in JAX", help_text)
     help = f"use `{instead}` instead"
     if len(program.statements) > LONGEST:
-        raise FamilyError(f"the function has {len(program.statements)} operations, but JAX can compile at most {LONGEST}", help)
+        raise FamilyError(f"the number of operations ({len(program.statements)}) exceeds the maximum of JAX ({LONGEST})", help)
     unknown = {one.operation for one in program.statements} - FUNCTIONS.keys() - {"item"}
     if unknown:
         raise FamilyError(f"JAX does not have the operation `{sorted(unknown)[0]}`", help)

@@ -67,7 +67,7 @@ class FamilyMjx:
         variables = self._variables(parsed.values)
         if variables is None:
             raise FamilyError(
-                f"MJX cannot vary {', '.join(self.names)}: the compilation takes different branches for nearby values", "use `models`",
+                f"MJX cannot vary {', '.join(self.names)}: nearby values change the structure of the model", "use `models`",
             )
         by = [plan.free.index(at) for at in self._places] if plan.exchange is None else range(len(variables))
         self._start, self._run = variables, jax_function(plan.program, by, variables, dtype, "models")
@@ -97,7 +97,7 @@ class FamilyMjx:
         numbers, because a pure function cannot build parts.
         """
         if self._plan.exchange is not None:
-            raise FamilyError(f"parts depend on {', '.join(self.names)}, and a pure function cannot build parts", "use `batch`")
+            raise FamilyError(f"a pure function cannot build the parts that depend on {', '.join(self.names)}", "use `batch`")
         fields, ok = self._fields_of_row(p)
         return self.base.tree_replace(fields), ok
 
@@ -180,8 +180,8 @@ class FamilyMjx:
                 above.remove(geom)  # visual geometry, which this model omits
         if moving := [geom.get("name") for geom in root.iter("geom") if geom.get("mesh") in template.meshes]:
             raise FamilyError(
-                f"the mesh of the geom `{moving[0]}` depends on {', '.join(self.names)}, and all MJX models have the same meshes",
-                "use `collision: box` or another primitive for its component, or use `models`",
+                f"MJX cannot vary the mesh of the geom `{moving[0]}` with {', '.join(self.names)}",
+                "use a primitive such as `collision: box` for the component, or use `models`",
             )
         try:
             self._numbers = NumberPlaces(root, template.places, model, geometry=True)
@@ -203,7 +203,7 @@ class FamilyMjx:
         return [] if write is None else sorted(set((write.at // getattr(self.mj_model, name).shape[1]).tolist()))
 
     def _fixed_error(self, why: str) -> FamilyError:
-        return FamilyError(f"{why}, and this value depends on {', '.join(self.names)}", "set the values with `at`, or use `models`")
+        return FamilyError(f"MJX cannot vary a constant with {', '.join(self.names)}: {why}", "set the values with `at`, or use `models`")
 
     def _put_base(self, mode: str) -> mjx.Model:
         """Convert the MuJoCo model for `start` to an MJX model in which the fields that depend on numbers can be replaced."""
@@ -219,8 +219,7 @@ class FamilyMjx:
         limited = np.flatnonzero((bias[:, 2] != 0.0) & (model.actuator_forcelimited != 0))
         if model.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST and len(limited):
             raise FamilyError(
-                f"with `implicitfast`, MJX applies the damping of `{model.actuator(limited[0]).name}` even at the force limit, unlike "
-                "MuJoCo",
+                f"MJX and MuJoCo apply the damping of `{model.actuator(limited[0]).name}` differently with `implicitfast`",
                 "use `at={\"simulation.integrator\": \"euler\"}`, or remove the effort or the damping of the drive"
             )
         try:

@@ -284,7 +284,7 @@ class ModelsOfMode(Planner["Arrays | ModelTemplate", "mujoco.MjModel"]):
         try:
             return store.read(stored.sha256)
         except BlobMissing as fault:
-            message = "the cache no longer contains the meshes of parts; create the family again, which rebuilds missing parts"
+            message = "the meshes of parts are missing; create the family again"
             raise StoreUnusable(store.root, message) from fault
 
     def _load(self, text: str) -> mujoco.MjModel:

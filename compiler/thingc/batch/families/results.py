@@ -47,7 +47,7 @@ class Evaluated(OneLineRepr, FrozenStruct):
             return self.results[name]
         refused = next((problem.message for problem in self.problems if problem.severity is Severity.ERROR), None)
         if refused is not None and not self.results:
-            raise UnknownVariant(f"result `{name}` does not exist, because the settings {dict(self.settings)} are rejected: {refused}")
+            raise UnknownVariant(f"result `{name}` does not exist for the rejected settings {dict(self.settings)}: {refused}")
         raise UnknownVariant(f"there is no result `{name}`", did_you_mean(str(name), self.results, what="results"))
 
 

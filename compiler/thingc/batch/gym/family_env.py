@@ -42,7 +42,7 @@ try:
     from gymnasium.vector import AutoresetMode, VectorEnv
     from gymnasium.vector.utils import batch_space
 except ImportError as fault:  # pragma: no cover - reported with a help text
-    raise ImportError("environments need Gymnasium: pip install 'thingc[learning]'") from fault
+    raise ImportError("environments require Gymnasium: pip install 'thingc[learning]'") from fault
 
 __all__ = [
     "CACHED", "ENVIRONMENT", "EnvOptions", "FamilyEnv", "FamilyVectorEnv", "Reward", "Settings", "StepInfo", "Terminated", "make_env",

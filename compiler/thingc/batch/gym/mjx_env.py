@@ -35,7 +35,7 @@ try:
     from mujoco.mjx._src.forward import _integrate_pos, euler, implicit, rungekutta4
     from mujoco.mjx._src.types import IntegratorType
 except ImportError as fault:  # pragma: no cover - reported with a help text
-    raise ImportError("environments in JAX need MJX: `pip install thingc[jax]`") from fault
+    raise ImportError("environments in JAX require MJX: `pip install thingc[jax]`") from fault
 
 from thingc.modes.jax import STEPS, enter
 
@@ -295,14 +295,14 @@ class _World:
         mode, moving = self.mode, [name for name in MOVING if name in self.family.varied]
         if moving:
             raise FamilyError(
-                f"switches between modes use the poses of the document, and `{moving[0]}` depends on {', '.join(self.family.names)}",
+                f"switches between modes do not support a variable `{moving[0]}`, which depends on {', '.join(self.family.names)}",
                 "use `at` to fix the numbers that move links, joints or mounts",
             )
         lacks = "a planar or ball base" if mode.part is not None else "holds in addition to its root" if mode.holds else (
             "ball joints or free joints" if any(joint.ball is not None for joint in mode.joints) else
             "actuators with activations" if self.family.mj_model.na else "")
         if lacks:
-            raise FamilyError(f"mode `{mode.name}` has {lacks}, which switches in MJX do not support", "use `make_vec_env`")
+            raise FamilyError(f"switches in MJX do not support {lacks} (mode `{mode.name}`)", "use `make_vec_env`")
 
     def read(self, model: mjx.Model, data: mjx.Data) -> State[jax.Array]:
         """Return the state of the robot in MJX data of this mode. The arrays of the state have the same shapes in every mode."""

@@ -90,7 +90,7 @@ class Morphologies:
         """Draw the settings of a robot, or select those of the given variant. Return their key in the cache, and the settings."""
         if self.choices.draw is not None:
             if variant is not None:
-                raise UnknownVariant(f"variant `{variant}` cannot be selected, because a function draws the settings")
+                raise UnknownVariant(f"variant `{variant}` cannot be selected with random settings")
             settings = self.choices.draw(source)
             return settings_key(settings), settings
         place = int(self._cumulative.searchsorted(source.random(), side="right"))  # always draw, so that options do not change later draws
@@ -145,7 +145,7 @@ class Morphologies:
         for mode, mine, others in zip(self.modes, morphology.sizes, morphology.sizes if self._first is None else self._first.sizes):
             if mine != others:
                 sizes = [f"nq, nv, nu = {', '.join(map(str, one))}" for one in (mine, others)]
-                raise FamilyError(f"in mode `{mode}` the settings {dict(settings)} have {sizes[0]}, but other settings have {sizes[1]}")
+                raise FamilyError(f"expected {sizes[1]} in mode `{mode}` for the settings {dict(settings)}, found {sizes[0]}")
         return morphology
 
     def episode(self, morphology: Morphology, previous: tuple[Any, Morphology, Episode] | None) -> Episode:

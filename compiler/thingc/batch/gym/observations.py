@@ -92,5 +92,5 @@ class Observer:
         values = np.concatenate([TERMS[name](episode) for name in self._names])
         if len(values) != self.length:
             mode = episode.simulations[episode.mode].name
-            raise FamilyError(f"the observation has {len(values)} numbers in mode `{mode}`, but {self.length} numbers in the first mode")
+            raise FamilyError(f"expected an observation of {self.length} numbers in mode `{mode}`, found {len(values)}")
         row[: self.length] = values + source.uniform(-self._noise, self._noise) if self._noise.any() else values

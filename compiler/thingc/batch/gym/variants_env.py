@@ -31,7 +31,7 @@ from thingc.batch.run_options import as_names
 try:
     import gymnasium
 except ImportError as fault:  # pragma: no cover - reported with a help text
-    raise ImportError("environments need Gymnasium: pip install 'thingc[learning]'") from fault
+    raise ImportError("environments require Gymnasium: pip install 'thingc[learning]'") from fault
 
 __all__ = ["CACHED", "ENVIRONMENT", "TASKS", "Reward", "StepInfo", "Terminated", "VariantsEnv", "make_env"]
 
@@ -170,7 +170,7 @@ def _sizes(family: BatchResults, mode: str, pad: bool) -> Sizes:
         other = next((k for k, value in enumerate(values) if value != values[0]), None)
         if other is not None:
             raise FamilyError(
-                f"in mode `{mode}` variant `{family[0].name}` has {name} = {values[0]}, but `{family[other].name}` has {values[other]}",
+                f"`{family[0].name}` and `{family[other].name}` differ in {name} ({values[0]} and {values[other]}) in mode `{mode}`",
                 "select equal variants (`load(..., where=...)`), or use `pad=True`"
             )
     return Sizes(nq=max(one.nq for one in sizes), nv=max(one.nv for one in sizes), nu=max(one.nu for one in sizes))

@@ -58,16 +58,16 @@ class Certificate:
         if open_pairs:
             test = self._case.linked.test
             self._case.request.report.warn(
-                Code.TEST_UNDECIDED, f"test `{test.name}`: cannot decide whether {self._describe_pair(open_pairs[0])}", test.origin,
-                path=f"tests.{test.name}", help="increase the gap, set a finer `mesh` tolerance in thingc.toml, or allow the pair",
-                notes=[Note(message=f"also {self._describe_pair(pair)}") for pair in open_pairs[1:]],
+                Code.TEST_UNDECIDED, f"test `{test.name}`: the gap between {self._describe_pair(open_pairs[0])}", test.origin,
+                path=f"tests.{test.name}", help="increase the gap, or set a finer `mesh` tolerance in thingc.toml",
+                notes=[Note(message=f"the gap between {self._describe_pair(pair)}") for pair in open_pairs[1:]],
             )
         return used_allowances
 
     def _describe_pair(self, pair: SolidPair) -> str:
         position = joints_text(self._assembly, {r.joint: pair.q[r.joint] for r in self._check.ranges}) if pair.q else ""
-        gap = f" (the gap of the meshes is {format_si(pair.gap, LENGTH)} at {position})" if pair.q else ""
-        return f"{names_of(self._assembly, pair.one, pair.other, '`')} touch{gap}"
+        gap = f" ({format_si(pair.gap, LENGTH)} at {position})" if pair.q else ""
+        return f"{names_of(self._assembly, pair.one, pair.other, '`')} is smaller than the mesh error{gap}"
 
     @property
     def summary(self) -> str:

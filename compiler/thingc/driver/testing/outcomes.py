@@ -71,6 +71,10 @@ class Result(FrozenStruct):
         return ", ".join(name for name in (self.mode, self.pose) if name is not None)
 
 
+BELOW, ABOVE = "is below the minimum", "exceeds the maximum"
+"""The comparison of a measured value with a bound in messages."""
+
+
 def format_si(value: float, dimension: Dimension) -> str:
     """Format a measured value [SI] with a unit and four digits, such as `533.2 g`. Values below about a nanometre are shown as 0."""
     value = value if abs(value) >= 1e-9 else 0.0
@@ -90,16 +94,11 @@ def check_bounds(
     expected = {key: bound for key, bound in (("min", minimum), ("max", maximum)) if bound is not None}
     limits = [f"{text} {Quantity(bound, dimension)}" for text, bound in (("at least", minimum), ("at most", maximum)) if bound is not None]
     failure = None
-    for key, bound, text in (("min", minimum, "at least"), ("max", maximum, "at most")):
+    for key, bound, text in (("min", minimum, BELOW), ("max", maximum, ABOVE)):
         slack = ROUNDING * max(abs(bound), abs(value)) if bound is not None else 0.0
         if bound is None or not (value < bound - slack if key == "min" else value > bound + slack):
             continue
-        off = abs(value - bound)
-        share = f" ({float(f'{100.0 * off / bound:.3g}'):g} %)" if bound else ""
-        failure = Failure(
-            code=code, key=key, message=f"{label} is {measured}, but must be {text} {Quantity(bound, dimension)}: "
-            f"the difference is {format_si(off, dimension)}{share}",
-        )
+        failure = Failure(code=code, key=key, message=f"{label} ({measured}) {text} ({Quantity(bound, dimension)})")
     return Outcome(measured={name: value}, expected=expected, summary=f"{name} {measured} ({', '.join(limits)})", failure=failure)
 
 

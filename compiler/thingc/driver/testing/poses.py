@@ -51,6 +51,6 @@ def keyframe(robot: Robot, pose: NamedPose) -> Keyframe | None:
 
 
 def joints_text(assembly: Assembly, q: Mapping[str, float]) -> str:
-    """Format joint positions [rad or m] for display, such as `shoulder -60 deg, elbow 120 deg`."""
+    """Format joint positions [rad or m] for display, such as `shoulder = -60 deg, elbow = 120 deg`."""
     joints = {joint.path: joint for joint in joints_of(assembly)}
-    return ", ".join(f"{joints[path].name} {joints[path].twist.format(round(value, 6) + 0.0)}" for path, value in q.items())
+    return ", ".join(f"{joints[path].name} = {joints[path].twist.format(round(value, 6) + 0.0)}" for path, value in q.items())

@@ -40,8 +40,8 @@ def mount_references(assembly: Assembly) -> dict[tuple[int, int], Notes]:
     return references
 
 
-def first_overlaps(robot: Robot, frame: Keyframe, ranges: Sequence[JointRange], pairs: Sequence[SolidPair]) -> tuple[str, str] | None:
-    """Return a description of the joint positions at which the first pair begins to overlap, and a help text with limits for the joint.
+def first_overlaps(robot: Robot, frame: Keyframe, ranges: Sequence[JointRange], pairs: Sequence[SolidPair]) -> tuple[str, ...] | None:
+    """Return the joint position of the largest overlap of the first pair, the positions at which overlaps begin, and a help with limits.
 
     Within these limits, none of the pairs that only this joint moves overlap. The search begins at the position 0, or at the nearest
     position of the range, and has an accuracy of 0.1 deg or 0.1 mm. Return None if several joints move the first pair.
@@ -75,8 +75,8 @@ def first_overlaps(robot: Robot, frame: Keyframe, ranges: Sequence[JointRange], 
             good, bad = (good, middle) if overlap(start, middle) else (middle, bad)
         limits.append(show(position(good)))
         first_positions += [show(position(bad))] if good != bad else []
-    display_text, alternative = f"{joint.name} {show(worst.q[joint_range.joint])}", "or cut a clearance into one of the two parts"
+    help = f"write `limit: {{lower: {limits[0]}, upper: {limits[1]}}}` in joint `{joint.name}`"
     if limits[0] == limits[1]:
-        return f"{display_text}, and at {limits[0]}", f"attach the part that the mount was designed for, {alternative}"
-    help = f"write `limit: {{lower: {limits[0]}, upper: {limits[1]}}}` in joint `{joint.name}`, {alternative}"
-    return f"{display_text}; overlaps begin at {' and '.join(first_positions)}", help
+        first_positions, help = limits[:1], "attach the part that the mount was designed for"
+    first = f"overlaps begin at {' and '.join(first_positions)}"
+    return f"{joint.name} = {show(worst.q[joint_range.joint])}", first, f"{help}, or cut a clearance into one of the two parts"

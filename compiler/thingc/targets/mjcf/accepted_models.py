@@ -182,5 +182,4 @@ def is_shell(mesh: MeshAsset) -> bool:
 
 def _describe_flat(piece: Mesh | Primitive) -> str:
     """Return the reason why MuJoCo does not support contacts of a shape."""
-    what = f"the enclosing {piece.shape} has no volume" if isinstance(piece, Primitive) else "the collision mesh is flat"
-    return f"{what}, but MuJoCo needs a solid"
+    return f"the enclosing {piece.shape} has no volume" if isinstance(piece, Primitive) else "the collision mesh is flat"

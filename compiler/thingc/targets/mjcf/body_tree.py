@@ -50,7 +50,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
     """Yield the export losses that concern only this mode. Examples are cut or reversed joints, and sensors."""
     for joint in _joints(robot):
         if joint.reversed and joint.kind.at_once and joint.dynamics.friction and joint.path.endswith("_0"):
-            what = "the dry friction: MuJoCo limits torques about the axes of the tree's child, which is the parent in the document"
+            what = "the dry friction: MuJoCo uses the axes of the parent instead of the child"
             path = robot.assembly.mates[joint.mate].name or joint.path
             yield Loss("mjcf", robot.mode.name, path, what, "approximated", joint.origin)
     yield from merged_joints.losses(robot)

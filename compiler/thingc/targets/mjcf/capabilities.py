@@ -21,7 +21,7 @@ CAPABILITIES: Capabilities[JointForm, None, LoopForm, None, None] = {
         "single": _EACH, "several": _EACH_OF_SEVERAL, "universal": _EACH_OF_SEVERAL, "ball": Supported("ball"),
         "free": Supported("free", "written as a `freejoint` of a child body of the world"),
         "screw": Lossy(
-            "threaded", "approximated", ": a hinge and a slide in MuJoCo, coupled by an equality, which is slightly soft",
+            "threaded", "approximated", ": a hinge and a slide, coupled by a slightly soft equality",
         ),
     },
     "of_joints": {

@@ -196,7 +196,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
             ) if used
         ]
         if omitted:
-            yield Loss("mjcf", mode, closure.path, f"{', '.join(omitted)}: the loop is cut at this joint", "omitted", closure.origin)
+            yield Loss("mjcf", mode, closure.path, f"{', '.join(omitted)}: the loop is cut at the joint", "omitted", closure.origin)
 
 
 def _describe_movement(moved: Mapping[str, float], turns: Collection[str]) -> str:

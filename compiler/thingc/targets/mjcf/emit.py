@@ -76,7 +76,7 @@ def models(request: EmitRequest) -> Models:
     scenes = {f"scene_{candidate.mode}.xml" for candidate in candidates}
     for file in sorted(scenes & {candidate.file for candidate in candidates}):
         report.add(
-            Code.SAME_NAME, f"a model of the robot `{assembly.name}` and a scene would both be `mjcf/{file}`", assembly.definition.origin,
+            Code.SAME_NAME, f"the model and the scene of the robot have the same file name (`mjcf/{file}`)", assembly.definition.origin,
             help="rename the robot",
         )
     if request.verify:

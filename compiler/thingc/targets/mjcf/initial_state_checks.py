@@ -293,15 +293,13 @@ def _report_overlaps(start: InitialState, other_modes: Sequence[str], report: Re
     if other_modes:
         modes = "mode" if len(other_modes) == 1 else "modes"
         notes.append(Note(message=f"the same problem occurs in {modes} " + ", ".join(f"`{name}`" for name in other_modes)))
-    pose = f" (pose `{robot.mode.pose}`)" if robot.mode.pose is not None else ""
     pair = ", ".join(path.replace("/", ".") for path in (deepest.one, deepest.other))
     depth = Quantity(float(f"{deepest.depth:.3g}"), LENGTH)
     report.warn(
         Code.START_CONTACT,
-        f"at the start of mode `{robot.mode.name}`{pose}, the collision shapes of `{deepest.one}` and `{deepest.other}` overlap by {depth}",
+        f"the collision shapes of `{deepest.one}` and `{deepest.other}` overlap by {depth} at the start of mode `{robot.mode.name}`",
         robot.mode.origin, path=robot.mode.name, notes=notes,
-        help=f"change the pose, choose another `collision` for one of the two parts, or write `contacts: {{exclude: [[{pair}]]}}`",
-        allow=True,
+        help=f"change the pose or the shapes, or write `contacts: {{exclude: [[{pair}]]}}`", allow=True,
     )
 
 
@@ -314,13 +312,10 @@ def _report_gains(gains: Gains, joint: TreeJoint, robot: Robot, other_drives: Se
     notes = [Note(message=f"joint `{name}` is defined here", span=span) for span in definitions]
     if other_drives:
         notes.append(Note(message=f"{quote_names(other_drives, LISTED)} have the same drive"))
-    report.warn(
-        Code.CHATTER,
-        f"{fault}: the inertia of the joint is {gains.inertia:.2g} {weight} (mode `{robot.mode.name}`), and the time step is "
-        f"{1e3 * gains.dt:g} ms",
-        origin, path=joint.path, notes=notes,
-        help=f"{remedy}; or set `armature: {_round_up(needed)} {weight}`, or a smaller `timestep`", allow=True,
-    )
+    dt = f"{1e3 * gains.dt:g} ms"
+    notes.append(Note(message=f"mode `{robot.mode.name}`: joint inertia {gains.inertia:.2g} {weight}, time step {dt}"))
+    help = f"{remedy}, set `armature: {_round_up(needed)} {weight}`, or use a smaller `timestep`"
+    report.warn(Code.CHATTER, fault, origin, path=joint.path, notes=notes, help=help, allow=True)
 
 
 def _explain_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
@@ -329,12 +324,12 @@ def _explain_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
     Return a description of the fault, a remedy, and the armature [kg m^2 or kg] with which the fault would not occur.
     """
     rate = "N*m*s/rad" if joint.twist.turns else "N*s/m"
-    effect = "makes the joint oscillate with growing amplitude" if gains.too_stiff else "reverses the velocity of the joint in one step"
-    remedy = f"use at most {_round_down(gains.max_kv / 2.0)} {rate}"
+    effect = "makes the simulation of the joint unstable" if gains.too_stiff else "reverses the velocity of the joint in one step"
+    remedy = f"reduce `kv` to at most {_round_down(gains.max_kv / 2.0)} {rate}"
     if replace(gains, integrator="implicitfast").stable:
-        remedy += "; with `integrator: implicitfast`, this value is stable, too"
+        remedy += ", use `integrator: implicitfast`"
     needed = max(2.0 * gains.dt * gains.kv, gains.dt**2 * gains.stiffness / 2.0 + gains.dt * gains.kv) - gains.inertia
-    return f"`kv` of joint `{joint.path.rpartition('/')[2]}`, {gains.kv:.6g} {rate}, {effect}", remedy, needed
+    return f"`kv` of joint `{joint.path.rpartition('/')[2]}` ({gains.kv:.6g} {rate}) {effect}", remedy, needed
 
 
 def _explain_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
@@ -345,16 +340,16 @@ def _explain_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]
     unit, dt, spring = "N*m/rad" if joint.twist.turns else "N/m", gains.dt, joint.dynamics.stiffness or 0.0
     kp = gains.stiffness - spring
     key, value, spring_part = ("kp", kp, spring) if kp > 0.0 else ("stiffness", spring, 0.0)
-    effect = "makes the joint oscillate with growing amplitude"
-    effect = effect if gains.too_stiff else "makes the force of the drive jump between its limits"
+    effect = "makes the simulation of the joint unstable"
+    effect = effect if gains.too_stiff else "makes the drive force oscillate"
     limit = min(gains.stiffest / 2.0, gains.inertia / dt**2 if gains.jumps else gains.stiffest) - spring_part
-    remedy = f"use at most {_round_down(limit)} {unit}"
+    remedy = f"reduce `{key}` to at most {_round_down(limit)} {unit}"
     if limit <= 0.0:
-        remedy = f"with this `kv`, `{key}` can be stable only with `integrator: implicitfast`"
+        remedy = "use `integrator: implicitfast`"
     needed = dt**2 * gains.stiffness / 2.0 - gains.stiffest * dt**2 / 4.0
     if gains.jumps:
         needed = max(needed, dt**2 * gains.stiffness - gains.inertia)
-    return f"`{key}` of joint `{joint.path.rpartition('/')[2]}`, {value:.6g} {unit}, {effect}", remedy, needed
+    return f"`{key}` of joint `{joint.path.rpartition('/')[2]}` ({value:.6g} {unit}) {effect}", remedy, needed
 
 
 def _round_down(value: float) -> str:

@@ -49,5 +49,5 @@ def losses(robot: Robot) -> Iterator[Loss]:
     paths = {occurrence.path for occurrence in robot.assembly.occurrences}
     for site in robot.sites:
         if joins(robot, site.body) and site.path not in paths:
-            what = "this frame: MuJoCo does not support sites between two joints of a body"
+            what = "the frame: MuJoCo does not support sites between two joints of a body"
             yield Loss("mjcf", robot.mode.name, site.path, what, "omitted", site.origin)

@@ -91,7 +91,7 @@ def _shape_fault(attribute: RawAttribute) -> tuple[str, Hint] | None:
     path = attribute.path
     kind = path[0] if path else ""
     if kind not in KINDS:
-        return f"there are no raw attributes of `{kind}`", did_you_mean(kind, KINDS, what="kinds of elements")
+        return f"`{kind}` has no raw attributes in `mjcf`", did_you_mean(kind, KINDS, what="kinds of elements")
     lengths, expected, form = {2, 3}, f"an attribute of `{kind}`", f"{kind}: {{ATTRIBUTE: VALUE}}"
     if kind in NAMED:
         lengths, expected, form = {3}, f"an attribute of one {kind}", f"{kind}: {{NAME: {{ATTRIBUTE: VALUE}}}}"
@@ -100,7 +100,7 @@ def _shape_fault(attribute: RawAttribute) -> tuple[str, Hint] | None:
     if len(path) not in lengths:
         return f"`{attribute.dotted}` must be the path of {expected}", f"write `{form}`"
     problem = unwritable(path[-1], attribute.value)
-    return None if problem is None else (problem, "use an attribute of MJCF, and text that is valid in XML")
+    return None if problem is None else (problem, "use an attribute of MJCF and valid XML text")
 
 
 def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element | None:
@@ -191,6 +191,6 @@ def _report_unknown(attribute: RawAttribute, robots: Sequence[Robot], models: Se
         known_names, described_kind = classes, "class"
     else:
         known_names, described_kind = {element.get("name") for model in models for element in _elements_of_kind(kind, model)}, kind
-    message = f"`{attribute.target}` has no {described_kind} `{name}`"
+    message = f"`raw.{attribute.target}` refers to the unknown {described_kind} `{name}`"
     names = "classes" if described_kind == "class" else "bodies" if described_kind == "body" else f"{described_kind}s"
     report_fault(attribute, (message, did_you_mean(name, known_names, what=names), 1), report)

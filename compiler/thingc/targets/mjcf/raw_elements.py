@@ -47,12 +47,12 @@ def add(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
             known = sorted({known_name for target in targets for known_name in target.names.get(kind, ())})
             names = "bodies" if kind == "body" else f"{kind}s"
             report.add(
-                Code.RAW_UNKNOWN, f"`{element.tag}` refers to {kind} `{name}`, which no mode has", element.origin,
+                Code.RAW_UNKNOWN, f"`{element.tag}` refers to the unknown {kind} `{name}`", element.origin,
                 help=did_you_mean(name, known, what=names), path=element.dotted,
             )
         for target, reference in zip(targets, missing, strict=True):
             if reference is not None:
-                what = f"this element: the mode has no {reference[0]} `{reference[1]}`"
+                what = f"the element: the mode has no {reference[0]} `{reference[1]}`"
                 losses.append(Loss("mjcf", target.robot.mode.name, element.dotted, what, "omitted", element.origin))
     for target in targets:
         target.add_controls()

@@ -130,7 +130,7 @@ def _missing(robot: Robot, sensor: LinkedSensor) -> str:
         return "the root of a free base has no parent link"
     bodies = {body.link for body in merged_joints.model_bodies(robot).values()}
     if not bodies.issuperset(sensor.touching):
-        return "the link of the sensor does not exist in MuJoCo, because it only connects two joints of a body"
+        return "the link of the sensor does not exist in MuJoCo"
     movable = {joint.path for body in robot.bodies for joint in body.joints}
     if sensor.joint is not None and sensor.joint not in movable:
         return f"a loop is cut at joint `{sensor.joint}`"
@@ -151,7 +151,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
     for sensor in robot.assembly.sensors:
         how: How = "approximated"
         if missing := _missing(robot, sensor):
-            what, how = f"this sensor: {missing}", "omitted"
+            what, how = f"the sensor: {missing}", "omitted"
         elif sensor.kind in ("imu", "accelerometer") and stays(robot.base) and body_of(robot, sensor) == 0:
             what = "gravity in the accelerometer: MuJoCo reports no acceleration for a body at rest"
         elif sensor.kind == "force" and (place := describe_force_place(robot, sensor)) is not None:

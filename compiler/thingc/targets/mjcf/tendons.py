@@ -131,7 +131,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
     for tendon in robot.assembly.tendons:
         if tendon not in written:
             between = "MuJoCo does not support sites between two joints of a body"
-            what = f"this tendon: {between if tendon.steps else 'a loop is cut at a joint of the tendon'}"
+            what = f"the tendon: {between if tendon.steps else 'a loop is cut at a joint of the tendon'}"
             yield Loss("mjcf", robot.mode.name, tendon.path, what, "omitted", tendon.origin)
         elif tendon.dynamics.armature and _branches(robot, tendon):
             what = "the armature: MuJoCo omits the inertia that couples joints on different branches of the tree"

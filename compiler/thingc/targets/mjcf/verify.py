@@ -335,7 +335,7 @@ def _explain(candidate: Candidate, files: Any, report: Report, *, scene_error: s
         report.add(
             Code.MJCF_REFUSED, f"MuJoCo rejects `{name}` of {owner.label}: {_shorten_message(error)}", value.attribute.origin,
             path=".".join(("raw", value.attribute.target, *value.attribute.path)),
-            help="see the XML reference of MuJoCo for valid attributes and values",
+            help="use an attribute and a value from the XML reference of MuJoCo",
             notes=[Note(message=f"{owner.label} is defined here", span=owner.origin[0])] if has_name else (),
         )
         xml = write(candidate.root, candidate.heading)
@@ -404,7 +404,7 @@ def _shorten_message(text: str) -> str:
     """Return a message of MuJoCo without the parts that are only useful to a reader of the XML file."""
     parser = re.search(r"Error=(XML_\w+)", text)
     if parser is not None:
-        deep = " (it supports 500 levels: a chain of links is too long)" if parser[1] == "XML_ELEMENT_DEPTH_EXCEEDED" else ""
-        return f"its XML parser reports {parser[1]}{deep}"
+        deep = " (a chain of links has more than 500 levels)" if parser[1] == "XML_ELEMENT_DEPTH_EXCEEDED" else ""
+        return f"XML parser error {parser[1]}{deep}"
     first = next((line for line in text.splitlines() if line.strip()), "no reason given")
     return re.sub(r"^(?:(?:XML )?Error: |Schema violation: |error )+", "", first.strip()).rstrip(".")

@@ -73,7 +73,7 @@ def ready() -> None:
             context = getattr(gl_context, "GLContext", None)
             if context is not None and context.__module__ == "mujoco.glfw" and not _has_screen():
                 backend = "glfw"  # also if MuJoCo was imported before the variable was set
-                raise RuntimeError("GLFW needs a screen")  # MuJoCo aborts a process without a screen that has loaded an OpenGL library
+                raise RuntimeError("GLFW requires a screen")  # MuJoCo aborts a process without a screen that has loaded an OpenGL library
             with mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8):
                 pass
     except Exception as fault:  # the loaders of OpenGL raise ImportError, AttributeError, RuntimeError or their own
@@ -88,12 +88,12 @@ def _has_screen() -> bool:
 
 def _hint(backend: str) -> str:
     if backend == "egl":
-        return "install EGL (Debian, Ubuntu: apt install libegl1); it needs neither a screen nor a graphics card"
+        return "install EGL (Debian, Ubuntu: apt install libegl1)"
     if backend == "osmesa":
         return "install OSMesa (Debian, Ubuntu: apt install libosmesa6), or set MUJOCO_GL=egl"
     if sys.platform != "linux":
         return "set MUJOCO_GL=on, and run the command in a session with a screen"
-    return "set MUJOCO_GL=egl before MuJoCo is imported; it needs neither a screen nor a graphics card"
+    return "set MUJOCO_GL=egl before MuJoCo is imported"
 
 
 def picture(

@@ -74,7 +74,7 @@ def groups(robot: Robot, moving: tuple[MovingJoint, ...], report: Report) -> lis
     joints from the root to an exported mount that moves relative to the root. If several mounts have the same frame, only the first mount
     has a group. The joints of a moving base are not in any group.
     """
-    names = MangledNames("be the group", "SRDF", report)
+    names = MangledNames("group name", "SRDF", report)
     of_body: dict[int, tuple[MovingJoint, ...]] = {}
     for index, body in enumerate(robot.bodies):
         parent_joints = of_body[body.parent] if body.parent is not None else ()

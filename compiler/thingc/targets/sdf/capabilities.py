@@ -16,9 +16,9 @@ SensorForm = Literal["imu", "force_torque", "camera", "magnetometer", "gpu_lidar
 """The type of a sensor in SDF."""
 
 _EACH: Supported[JointForm] = Supported("each")
-_CHAIN: Lossy[JointForm] = Lossy("each", "approximated", ": a joint for each coordinate, with links of 1e-9 kg between these joints")
+_CHAIN: Lossy[JointForm] = Lossy("each", "approximated", ": a joint for each coordinate, with links of 1e-9 kg between the joints")
 _LOOP: Supported[None] = Supported(None, "written as a joint; the loop is closed if all joints of the model are at 0")
-_PLUGIN = ", which only Gazebo reads"
+_PLUGIN = ": only read by Gazebo"
 _LIGHT = Lossy(None, "approximated", ": the link has a mass of 1e-9 kg in the file")
 _SMALL = Lossy(None, "approximated", ": the moments of inertia are 1e-12 kg m^2 in the file")
 
@@ -44,7 +44,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, None, None, SensorForm] = {
         "planar": Lossy(None, _CHAIN.how, _CHAIN.words), "ball": FULL,
     },
     "modes": {
-        "gravity": Lossy(None, "carried as custom data", ", which is written only to the world file"),
+        "gravity": Lossy(None, "carried as custom data", ": only written to the world file"),
         "poses": Omitted(": not supported by SDF"), "exclude": OMITTED, "pairs": OMITTED, "groups": OMITTED,
         "timestep": Supported(None, "written only to the world file"), "simulation": OMITTED,
     },

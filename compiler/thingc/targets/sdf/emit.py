@@ -62,11 +62,11 @@ def _losses_of_mode(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
         yield from _joint_losses(connection, len(chain(connection, zero.q)))
     yield from _sensor_losses(robot)
     if zero.pose is not None:
-        what = f"the zero pose: joint positions of 0 in the file mean the pose `{zero.pose}`, in which all loops are closed"
+        what = f"the zero pose: position 0 of each joint in the file corresponds to the pose `{zero.pose}`"
         yield Loss("sdf", mode.name, mode.name, what, "approximated", mode.origin)
     for closure in robot.closures if not zero.closed else ():
-        what = "the hold of this mount" if closure.hold else "the loop through this joint"
-        yield Loss("sdf", mode.name, closure.path, f"{what}: the mode has no pose in which it is closed", "omitted", closure.origin)
+        what = "the hold of the mount" if closure.hold else "the loop through the joint"
+        yield Loss("sdf", mode.name, closure.path, f"{what}: no pose of the mode closes the loops", "omitted", closure.origin)
 
 
 def _joint_losses(connection: Connection, number: int) -> Iterator[Loss]:
@@ -75,7 +75,7 @@ def _joint_losses(connection: Connection, number: int) -> Iterator[Loss]:
     Joints that represent a base or a hold have no export losses.
     """
     if number > 1 and connection.joints:
-        yield Loss("sdf", None, connection.path, "the excluded contact between the links of this joint", "omitted", connection.origin)
+        yield Loss("sdf", None, connection.path, "the excluded contact between the links of the joint", "omitted", connection.origin)
     for joint in (joint for joint in connection.joints[:1] if joint.kind.at_once):
         dynamics = joint.dynamics
         for name, value, unit in (
@@ -91,14 +91,14 @@ def _sensor_losses(robot: Robot) -> Iterator[Loss]:
     mode = robot.mode.name
     for sensor in robot.assembly.sensors:
         if sensor.kind == "force" and on_free_root(robot, sensor):
-            yield Loss("sdf", mode, sensor.path, "this sensor: the root of a free base has no parent link", "omitted", sensor.origin)
+            yield Loss("sdf", mode, sensor.path, "the sensor: the root of a free base has no parent link", "omitted", sensor.origin)
         elif sensor.kind == "force" and (place := describe_force_place(robot, sensor)) is not None:
             what = f"the force at the mount: the sensor measures the force {place}"
             yield Loss("sdf", mode, sensor.path, what, "approximated", sensor.origin)
         elif sensor.kind == "contact":
             links = [robot.assembly.links[link] for link in sensor.touching]
             if not any(robot.assembly.occurrences[member].touching for member in links[0].members):
-                what = "this sensor: the link of the sensor has no collision shapes"
+                what = "the sensor: the link of the sensor has no collision shapes"
                 yield Loss("sdf", None, sensor.path, what, "omitted", sensor.origin)
             elif len(links) > 1:
                 what = f"the limitation to contacts with `{links[1].name}`"

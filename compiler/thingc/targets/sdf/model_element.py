@@ -80,9 +80,9 @@ class _Builder:
         self.geometry = geometry
         self.zero = zero
         self.assembly = robot.assembly
-        self.robots = MangledNames("have the name", "SDF", report)
-        self.parts = MangledNames("have the name", "SDF", report)
-        self.names: dict[Kind, MangledNames] = {kind: MangledNames("have the name", "SDF", report) for kind in get_args(Kind)}
+        self.robots = MangledNames("name", "SDF", report)
+        self.parts = MangledNames("name", "SDF", report)
+        self.names: dict[Kind, MangledNames] = {kind: MangledNames("name", "SDF", report) for kind in get_args(Kind)}
         self.owners: dict[str, str] = {}
         self.losses = losses
         links = [robot.assembly.links[body.link] for body in robot.bodies]
@@ -126,7 +126,7 @@ class _Builder:
             name = f"{name}_{kind}"
         self.owners[name] = f"{kind} `{path}`"
         if name != mangled and description is None:
-            what = f"the name: `{name}` is used, because {self.owners[mangled]} is `{mangled}`"
+            what = f"the name: replaced by `{name}`"
             self.losses.append(Loss("sdf", None, path, what, "approximated", origin))
         return name
 

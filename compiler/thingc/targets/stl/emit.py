@@ -40,13 +40,13 @@ def emit(request: EmitRequest) -> Artifacts:
             continue
         if owner is not occurrence:
             if up != direction_up(owner, request.store):
-                what = f"`{occurrence.definition.label}` is printed in two orientations; `{path}` uses the orientation of `{owner.path}`"
+                what = f"`{occurrence.definition.label}` is printed in two orientations (`{path}` has the orientation of `{owner.path}`)"
                 losses.append(Loss("stl", None, occurrence.path, what, "omitted", occurrence.origin))
             continue
         own = StoredArtifact(sha256=mesh.sha256, size=mesh.size)
         files[path] = own if up == UPRIGHT else turn_stl(request.store.read(mesh.sha256), up)
         if not mesh.closed:
-            what = f"the surface of `{occurrence.definition.label}` is not closed, so it has no volume to print"
+            what = f"the surface of `{occurrence.definition.label}` is not closed"
             losses.append(Loss("stl", None, occurrence.path, what, "approximated", occurrence.origin))
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(losses))
 

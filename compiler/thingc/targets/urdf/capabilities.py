@@ -14,9 +14,9 @@ rotation.
 ShapeForm = Literal["itself", "cylinder and balls"]
 
 _EACH: Supported[JointForm] = Supported("each")
-_CHAIN: Lossy[JointForm] = Lossy("each", "approximated", ": a joint for each coordinate, with links of 1e-9 kg between these joints")
-_BALL: Lossy[JointForm] = Lossy("each", "approximated", ": three hinges in series, whose angles differ from the coordinates of the ball")
-_LOOP = Omitted(": URDF supports only trees, so the loop stays open")
+_CHAIN: Lossy[JointForm] = Lossy("each", "approximated", ": a joint for each coordinate, with links of 1e-9 kg between the joints")
+_BALL: Lossy[JointForm] = Lossy("each", "approximated", ": three hinges in series, with different coordinates")
+_LOOP = Omitted(": URDF supports only trees")
 _GAINS = Lossy(None, "approximated", ": a transmission without gains")
 _NONE = Omitted(": not supported by URDF")
 _ITSELF: Supported[ShapeForm] = Supported("itself")
@@ -25,7 +25,7 @@ BALL_DRIVE = Omitted(": no joint in the file has this axis")
 CAPABILITIES: Capabilities[JointForm, None, Never, ShapeForm, Never] = {
     "joints": {
         "single": _EACH, "several": _CHAIN, "universal": _CHAIN,
-        "screw": Lossy("threaded", "approximated", ": a prismatic joint mimics the rotation, and moves freely if mimics are unsupported"),
+        "screw": Lossy("threaded", "approximated", ": a prismatic joint that mimics the rotation"),
         "ball": _BALL, "free": Supported("floating", "written as a `floating` joint"),
     },
     "of_joints": {
@@ -42,11 +42,11 @@ CAPABILITIES: Capabilities[JointForm, None, Never, ShapeForm, Never] = {
     "bases": {
         "held": Lossy(None, "approximated", ": the base is fixed in the file"),
         "free": Supported(None, "the file has no link `world`, and `<static>` is false"),
-        "start": Omitted(": the program that loads the file places a free base"), "planar": Lossy(None, _CHAIN.how, _CHAIN.words),
+        "start": Omitted(": set by the program that loads the file"), "planar": Lossy(None, _CHAIN.how, _CHAIN.words),
         "ball": Lossy(None, _BALL.how, _BALL.words),
     },
     "modes": {
-        "gravity": Lossy(None, "carried as custom data", ", which only MuJoCo reads"), "poses": _NONE, "exclude": OMITTED,
+        "gravity": Lossy(None, "carried as custom data", ": only read by MuJoCo"), "poses": _NONE, "exclude": OMITTED,
         "pairs": OMITTED, "groups": OMITTED, "timestep": OMITTED, "simulation": OMITTED,
     },
     "links": {

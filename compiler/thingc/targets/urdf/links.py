@@ -66,8 +66,8 @@ class _Builder:
         self.meshes = meshes
         self.geometry = geometry
         self.assembly = robot.assembly
-        self.links = MangledNames("be the link", "URDF", report)
-        self.joints = MangledNames("be the joint", "URDF", report)
+        self.links = MangledNames("link name", "URDF", report)
+        self.joints = MangledNames("joint name", "URDF", report)
         self.root = Element(tag="robot", attributes={"name": robot.assembly.name}, origin=robot.mode.origin)
         self.followers: list[Element] = []
         self.frames: list[Element] = []

@@ -104,5 +104,5 @@ def transmission_losses(target: str, robots: Sequence[Robot]) -> Iterator[Loss]:
         written = {transmission.name for transmission in coupled_transmissions(robot)}
         for name, rows in differentials(robot).items():
             if safe(name) not in written:
-                what = "the transmission of this differential: ROS only has transmissions of two actuators, with a symmetric matrix"
+                what = "the transmission of the differential: ROS supports only two actuators and a symmetric matrix"
                 yield Loss(target, robot.mode.name, name, what, "omitted", rows[0].origin)

@@ -15,7 +15,7 @@ ShapeForm = Literal["Cube", "Cylinder", "Capsule", "Sphere", "Plane", "Mesh"]
 _SINGLE: Supported[JointForm] = Supported("single")
 _GENERIC: Supported[JointForm] = Supported("generic", "written as a generic joint (D6)")
 _EXCLUDED: Supported[None] = Supported(None, "written as a joint that is excluded from the articulation")
-_CUSTOM = Lossy(None, "carried as custom data", ", read by Newton, and by PhysX except for ball joints; not written for generic joints")
+_CUSTOM = Lossy(None, "carried as custom data", ": read by Newton and partly by PhysX")
 _LIGHT = Lossy(None, "approximated", ": the link has a mass of 1e-9 kg in the file")
 _SMALL = Lossy(None, "approximated", ": the moments of inertia are 1e-12 kg m^2 in the file")
 _NONE = Omitted(": not supported by UsdPhysics")
@@ -24,15 +24,13 @@ CAPABILITIES: Capabilities[JointForm, None, None, ShapeForm, Never] = {
     "joints": {
         "single": _SINGLE, "several": _GENERIC, "ball": Supported("spherical"),
         "free": Supported("free", "written as a rigid body without a joint"),
-        "universal": Lossy("generic", "approximated", ": rotates about X before Y, as in Newton; UsdPhysics does not define the order"),
+        "universal": Lossy("generic", "approximated", ": the order of the rotations is not defined by UsdPhysics"),
         "screw": Lossy("generic", "approximated", ": rotation and translation are independent"),
     },
     "of_joints": {
-        "cone": Lossy(None, "approximated", ": the file limits the tilt of an axis, but not the rotation about this axis"),
+        "cone": Lossy(None, "approximated", ": the rotation about the axis is not limited in the file"),
         "velocity": _CUSTOM, "damping": _CUSTOM, "friction": _CUSTOM, "armature": _CUSTOM, "stiffness": OMITTED,
-        "mimic": Lossy(
-            None, "carried as custom data", ", for two hinges or two slides; read by Newton, and by PhysX for hinges with limits",
-        ),
+        "mimic": Lossy(None, "carried as custom data", ": read by Newton and partly by PhysX"),
         "polynomial": Lossy(None, "approximated", ": linearized at position 0 of the followed joint"), "tendon": OMITTED,
         "differential": OMITTED, "backlash": OMITTED, "delay": OMITTED, "effects": OMITTED,
     },
@@ -51,7 +49,7 @@ CAPABILITIES: Capabilities[JointForm, None, None, ShapeForm, Never] = {
     },
     "links": {
         "frames": Supported(None, "`Xform`"), "colours": FULL, "friction": FULL,
-        "rolling": Lossy(None, "carried as custom data", ", which only Newton reads"), "adhesion": OMITTED, "weightless": _LIGHT,
+        "rolling": Lossy(None, "carried as custom data", ": only read by Newton"), "adhesion": OMITTED, "weightless": _LIGHT,
         "weightless_base": _LIGHT, "point": _SMALL, "line": _SMALL,
     },
     "shapes": {

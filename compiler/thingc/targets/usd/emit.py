@@ -56,7 +56,7 @@ def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
     mode = robot.mode
     for connection in connections(robot, CAPABILITIES["loops"]):
         if (count := len(chain(connection))) > 1:
-            what = f"the motion: {count} separate joints, with a link of 1e-9 kg between the joints"
+            what = f"the motion: written as {count} joints, with links of 1e-9 kg between the joints"
             yield Loss("usd", mode.name, connection.path, what, "approximated", connection.origin)
         for joint in connection.joints:
             if joint.limit.effort is not None and joint.actuator is None:
@@ -74,14 +74,14 @@ def _losses_of_mode(robot: Robot) -> Iterator[Loss]:
     joints, mimic_joints = joints_of(robot.assembly), followers(robot)
     for joint, (leader, _, _) in zip(joints, leaders(joints).values(), strict=True):
         if joint.mimic is not None and joint.path not in mimic_joints:
-            what = f"the mimic of `{leader}`: a hinge can mimic only a hinge, and a slide only a slide"
+            what = f"the mimic of `{leader}`: a hinge cannot mimic a slide, nor a slide a hinge"
             yield Loss("usd", None, joint.path, what, "omitted", joint.mimic.origin)
     if not _is_closed(robot):
         what = "the start pose: the file has q = 0, where loops and holds are open"
         yield Loss("usd", mode.name, mode.name, what, "approximated", mode.origin)
     for occurrence in robot.assembly.occurrences:
         if occurrence.material is not None and occurrence.material.torsion is not None:
-            what = "the torsional friction, which only Newton reads"
+            what = "the torsional friction: only read by Newton"
             yield Loss("usd", None, occurrence.material.name, what, "carried as custom data", occurrence.material.origin)
 
 
@@ -103,7 +103,7 @@ def _infinite(path: str, what: str, value: float, unit: str, origin: Origin, *, 
     degrees.
     """
     if value > (numeric.radians(FLOAT_MAX) if degrees else FLOAT_MAX):
-        description = f"the {what} of {value:.6g} {unit}: infinite in the file, which supports numbers up to {FLOAT_MAX:.2g}"
+        description = f"the {what} of {value:.6g} {unit}: infinite in the file (above {FLOAT_MAX:.2g})"
         yield Loss("usd", None, path, description, "approximated", origin)
 
 

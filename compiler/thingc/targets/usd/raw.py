@@ -57,13 +57,13 @@ def _fault(attribute: RawAttribute, models: Sequence[Prim]) -> Fault | None:
     """Return the reason why the path of a raw attribute is invalid, or None if the path is valid."""
     path = attribute.path
     if path[0] not in KINDS:
-        return f"there are no raw attributes of `{path[0]}` in `usd`", did_you_mean(path[0], KINDS, what="kinds of prims"), 0
+        return f"`{path[0]}` has no raw attributes in `usd`", did_you_mean(path[0], KINDS, what="kinds of prims"), 0
     if len(path) != (2 if path[0] == SCENE else 3):
         form = f"{SCENE}: {{ATTRIBUTE: VALUE}}" if path[0] == SCENE else f"{path[0]}: {{NAME: {{ATTRIBUTE: VALUE}}}}"
-        return f"`{attribute.dotted}` must be the path of one attribute", f"write `{form}`", 0
+        return f"`{attribute.dotted}` must be the path of an attribute", f"write `{form}`", 0
     if models and not _prims(attribute, models):
         known = {prim.name for model in models for prim in _all(path[0], model)}
-        return f"`usd` has no {path[0]} `{path[1]}`", did_you_mean(path[1], known, what=f"{path[0]}s"), 1
+        return f"`raw.usd` refers to the unknown {path[0]} `{path[1]}`", did_you_mean(path[1], known, what=f"{path[0]}s"), 1
     return None
 
 
@@ -89,29 +89,29 @@ def _apply(attribute: RawAttribute, prim: Prim) -> Fault | None:
         return f"a string in USD cannot contain the character `{escape_control(invalid[0])}`", "remove the character", last
     if key == SCHEMAS:
         if not all(isinstance(item, str) and re.fullmatch(_NAME, item, re.ASCII) for item in items):
-            return f"`{SCHEMAS}` must be a list of names of schemas", "write, for example, `[PhysxJointAPI]`", last
+            return f"`{SCHEMAS}` must be a list of schema names", "write, for example, `[PhysxJointAPI]`", last
         prim.schemas += [item for item in dict.fromkeys(items) if item not in prim.schemas]
         return None
     if (named := _KEY.fullmatch(key)) is None:
-        hint = "write its name, `physics:breakForce`, or its type and its name, `token physxScene:solverType`"
-        return f"`{key}` cannot be an attribute in USD", hint, last - 1
+        hint = "write a name such as `physics:breakForce`, or a type and a name such as `token physxScene:solverType`"
+        return f"`{key}` is not a valid attribute name in USD", hint, last - 1
     type, name = named.groups()
     index, declared = next(
         ((index, match[1]) for index, line in enumerate(prim.properties) if (match := _WRITTEN.match(line)) and match[2] == name),
         (len(prim.properties), None),
     )
     if declared == "rel":
-        return f"`{name}` refers to other prims and is not an attribute", "use the keys of the document instead", last - 1
+        return f"`{name}` is a relationship, not an attribute", "use the keys of the document instead", last - 1
     if type is None:
         type = (declared or _type_of(value)).removeprefix("uniform ")
     elif declared is not None and type != declared.removeprefix("uniform "):
-        return f"`{name}` is a `{declared.removeprefix('uniform ')}`, not a `{type}`", "leave out the type", last - 1
+        return f"the type of `{name}` is `{declared.removeprefix('uniform ')}`, not `{type}`", "remove the type", last - 1
     elif _TYPE.fullmatch(type) is None:
         types = ", ".join(f"`{item}`" for item in (*TYPES, "int[]", "float3"))
-        return f"`{type}` is not a type of raw attributes", f"write one of {types}", last - 1
+        return f"unknown type `{type}` of a raw attribute", f"write one of {types}", last - 1
     literal = _literal(type, value)
     if literal is None:
-        return f"`{escape_control(attribute.value)}` is not a `{type}`", _type_help(type), last
+        return f"expected a value of the type `{type}`, found `{escape_control(attribute.value)}`", _type_help(type), last
     prim.properties[index : index + 1] = [f"{declared or type} {name} = {literal}"]
     return None
 

@@ -82,8 +82,8 @@ class _Builder:
         self.geometry = geometry
         self.meshes = meshes
         self.report = report
-        self.names = MangledNames("have the name", "USD", report)
-        self.joints = MangledNames("be the joint", "USD", report)
+        self.names = MangledNames("name", "USD", report)
+        self.joints = MangledNames("joint name", "USD", report)
         self.path = f"/{self.assembly.name}"
         self.root = Prim(type="Xform", name=self.assembly.name)
         self.followers = followers(robot)
@@ -117,7 +117,7 @@ class _Builder:
             if filtered:
                 prim.schemas.append("PhysicsFilteredPairsAPI")
                 prim.set("rel physics:filteredPairs", f"[{', '.join(f'<{self.path}/{other}>' for other in filtered)}]")
-            site_names = MangledNames("have the name", f"USD, below `{name}`,", self.report)
+            site_names = MangledNames("name", f"USD below `{name}`", self.report)
             for site in sites.get(index, ()):
                 if site_names.free(site.path, site.origin):
                     prim.add("Xform", safe(site.path)).place(site.pose)

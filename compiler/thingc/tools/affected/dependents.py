@@ -202,7 +202,7 @@ def run_git(folder: str, *arguments: str, stdin: bytes = b"", trusted: bool = Fa
             options += [f"--config-env={key}=THINGC_EMPTY" for key in sorted(filters)]  # `-c` cannot set a name that contains `=`
         process = subprocess.run(["git", *options, *arguments], cwd=folder, capture_output=True, input=stdin, env=environment)
     except FileNotFoundError as fault:
-        raise NotARepository("git is not installed here") from fault
+        raise NotARepository("git is not installed") from fault
     if process.returncode != 0:
         messages = os.fsdecode(process.stderr).strip().splitlines()
         raise NotARepository(messages[0] if messages else f"git {arguments[0]} failed without a message")

@@ -76,8 +76,8 @@ class _Reader:
             self.report.add(Code.UNKNOWN_JOINT, f"the robot has no joint `{name}`", place, help=help)
             return None
         if joint.mimic is not None or joint.kind.at_once:
-            problem = f"mimics `{joint.mimic.joint}`" if joint.mimic is not None else "is a ball joint"
-            self._error(Code.JOINT_FIELD, f"joint `{name}` {problem} and cannot have a motor", help="remove this joint", name=name)
+            problem = f"mimics `{joint.mimic.joint}`" if joint.mimic is not None else "ball joint"
+            self._error(Code.JOINT_FIELD, f"joint `{name}` cannot have a motor ({problem})", help="remove the joint", name=name)
             return None
         ticks = self._scale(name, motor, joint)
         if len(self.report.diagnostics) > count or ticks is None:
@@ -99,7 +99,7 @@ class _Reader:
             message = f"the `resolution` of joint `{name}` must be {coordinate.words}, found `{motor.resolution}`"
             self._error(Code.DIMENSION, message, "resolution", help="write the angle or the length per encoder tick", name=name)
         else:
-            message = f"joint `{name}` does not rotate: `ticks_per_turn` needs a rotation"
+            message = f"`ticks_per_turn` requires a rotating joint, found `{name}`"
             self._error(Code.DIMENSION, message, "ticks_per_turn", help="write, for example, `resolution: 0.01 mm`", name=name)
         return None
 
@@ -111,15 +111,15 @@ class _Reader:
                 return (0, count - 1) if count is not None else (motor.offset, motor.offset)
             ends = sorted(round(motor.offset + motor.sign * q * ticks) for q in limits if q is not None)
             if count is not None and ends[1] - ends[0] >= count:
-                message = f"the limits of joint `{name}` span {ends[1] - ends[0]} ticks, but the encoder has only {count} values"
-                self._error(Code.OUT_OF_RANGE, message, help="use `resolution` for an encoder that counts several turns", name=name)
+                message = f"the range of joint `{name}` ({ends[1] - ends[0]} ticks) exceeds the range of the encoder ({count} ticks)"
+                self._error(Code.OUT_OF_RANGE, message, help="reduce the limits, or use `resolution` for a multi-turn encoder", name=name)
             return ends[0], ends[1]
         for number, value in enumerate(motor.range):
             q = motor.sign * (value - motor.offset) / ticks
             for limit, beyond in zip(limits, (-1.0, 1.0), strict=True):
                 if limit is not None and beyond * (q - limit) > 1.0 / ticks:
                     side, position, end = "upper" if beyond > 0 else "lower", joint.twist.format(q), joint.twist.format(limit)
-                    message = f"{value} ticks correspond to {position}, beyond the {side} limit {end} of joint `{name}`"
+                    message = f"the position at {value} ticks ({position}) is beyond the {side} limit of joint `{name}` ({end})"
                     help = "correct `offset` and `sign`, or the limits of the robot"
                     self._error(Code.OUT_OF_RANGE, message, "range", number, help=help, name=name)
         return motor.range[0], motor.range[1]

@@ -31,8 +31,8 @@ def lerobot(calibration: Joints, robot: Robot) -> str:
 
 def _homing_values(one: CalibratedJoint) -> dict[str, int]:
     if one.modulus is None:
-        message = f"LeRobot supports only single-turn encoders, but joint `{one.joint.name}` has a `resolution`"
-        raise ExportRefused(message, "write `ticks_per_turn` for this joint, or use --emit python")
+        message = f"LeRobot does not support the `resolution` of joint `{one.joint.name}`"
+        raise ExportRefused(message, "write `ticks_per_turn` for the joint, or use --emit python")
     homing, half = (one.lowest + one.highest) // 2 - (one.modulus - 1) // 2, one.modulus // 2
     return {
         "id": one.id, "drive_mode": int(one.sign < 0), "homing_offset": (homing + half) % one.modulus - half,
@@ -44,7 +44,7 @@ def lerobot_motors(calibration: Joints, robot: Robot) -> str:
     """Return the motor mapping of LeRobot as JSON: the arguments of `Motor`, keyed by motor name."""
     nameless = next((one for one in calibration if one.model is None), None)
     if nameless is not None:
-        raise ExportRefused(f"LeRobot needs the model of the motor of joint `{nameless.joint.name}`", "for example, write `model: sts3215`")
+        raise ExportRefused(f"LeRobot requires the motor model of joint `{nameless.joint.name}`", "write, for example, `model: sts3215`")
     return _json({safe(one.joint.path): {"id": one.id, "model": one.model, "norm_mode": "degrees"} for one in calibration})
 
 

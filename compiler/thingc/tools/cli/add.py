@@ -52,33 +52,27 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc add` to the parser."""
     add = parser.add_argument
     add("what", type=console.one_of(list(STUBS)), metavar="{" + ",".join(STUBS) + "}", help="kind of the new element")
-    add("name", metavar="NAME", help="name of the element; for a part: CLASS or MODULE:CLASS; for an assembly: an existing or new document")
-    add("--to", metavar="DOC", help="the document to change (optional for parts and assemblies)")
-    add("--on", metavar="MOUNT", help="for parts and assemblies: the mount to which the new component is attached")
-    add("--by", metavar="MOUNT", help="for parts and assemblies: the mount of the new component that meets the mount of --on")
-    add("--at", metavar="MOUNT", help="for parts and assemblies: place the origin of the new component at this mount (instead of --on)")
-    add("--name", metavar="NAME", dest="component", help="for parts and assemblies: name of the component (default: from the part)")
-    add(
-        "--param", metavar="NAME=VALUE", action="append",
-        help="for parts and assemblies: a parameter, for example 'length=80 mm' (may be repeated)",
-    )
-    add("--new", action="store_true", default=None, help="for parts: create a new class even if a class with a similar name exists")
-    add("--root", metavar="ROOT", help="for modes: the root, a component or a mount (default: the root of the first mode)")
+    add("name", metavar="NAME", help="name, part class or document of the new element")
+    add("--to", metavar="DOC", help="document to change (optional for parts and assemblies)")
+    add("--on", metavar="MOUNT", help="mount to which the new component is attached")
+    add("--by", metavar="MOUNT", help="mount of the new component that is mated with --on")
+    add("--at", metavar="MOUNT", help="mount at which the origin of the new component is placed")
+    add("--name", metavar="NAME", dest="component", help="name of the new component (default: from the part)")
+    add("--param", metavar="NAME=VALUE", action="append", help="parameter of the new component (may be repeated)")
+    add("--new", action="store_true", default=None, help="create a part class even if a similar class exists")
+    add("--root", metavar="ROOT", help="component or mount at the root of the new mode (default: the root of the first mode)")
     add(
         "--base", type=console.one_of(BASES), metavar="{" + ",".join(BASES) + "}",
-        help="for modes: type of the base (default: the first of these types that no other mode with this root uses)",
+        help="base type in the new mode (default: the first unused type)",
     )
-    add(
-        "--standing-on", metavar="MOUNT", action="append",
-        help="for modes: a mount on the floor; a single one becomes the fixed root, unless --base is free (may be repeated)",
-    )
-    add("--pose", metavar="POSE", help="for modes: the start pose (default: pose of the first mode)")
-    add("--gravity", metavar="GRAVITY", help="for modes: gravity towards floor, wall or ceiling, or three accelerations (default: floor)")
-    add("--type", type=console.one_of(get_args(JointType)), metavar="TYPE", help="for joints: the type of the joint (default: revolute)")
-    add("--parent", metavar="MOUNT", help="for joints: the parent mount")
-    add("--child", metavar="MOUNT", help="for joints: the child mount; the joint replaces the placement of the child component")
-    add("--loop", action="store_true", default=None, help="for joints: close a loop instead of placing the child")
-    add("--kind", metavar="KIND", help="for tests: the kind of the test, for example mass")
+    add("--standing-on", metavar="MOUNT", action="append", help="mount that touches the floor in the new mode (may be repeated)")
+    add("--pose", metavar="POSE", help="start pose of the new mode (default: the pose of the first mode)")
+    add("--gravity", metavar="GRAVITY", help="gravity in the new mode: floor, wall, ceiling or a vector (default: floor)")
+    add("--type", type=console.one_of(get_args(JointType)), metavar="TYPE", help="type of the new joint (default: revolute)")
+    add("--parent", metavar="MOUNT", help="parent mount of the new joint")
+    add("--child", metavar="MOUNT", help="child mount of the new joint")
+    add("--loop", action="store_true", default=None, help="close a loop with the new joint")
+    add("--kind", metavar="KIND", help="kind of the new test")
     console.add_no_code(parser)
     console.add_format(parser)
     console.add_geometry(parser)
@@ -95,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _add(arguments: argparse.Namespace, options: Options) -> int:
     kind = arguments.what
     if kind == "part" and arguments.no_code:
-        raise console.WrongCommandLine("--no-code does not apply to a part, whose code must run to find its mounts", "remove the option")
+        raise console.WrongCommandLine("--no-code cannot be used to add a part", "remove the option")
     for option, owners in OPTIONS.items():
         if getattr(arguments, option) is not None and kind not in owners:
             option_text = "--name" if option == "component" else "--" + option.replace("_", "-")
@@ -110,8 +104,7 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
                 raise console.WrongCommandLine(f"--{option} requires --to", "add --to with the document")
         return _write(arguments, options, None, STUBS[kind](arguments, None))
     if arguments.on is not None and arguments.at is not None:
-        help = "use only one of the two options: --on attaches a mount, --at places a frame"
-        raise console.WrongCommandLine("--on cannot be combined with --at", help)
+        raise console.WrongCommandLine("--on cannot be combined with --at", "use only one of the two options")
     if arguments.by is not None and arguments.on is None:
         raise console.WrongCommandLine("--by requires --on", "add --on with the mount")
     console.require_document(arguments.to)
@@ -143,7 +136,7 @@ def _write(
                 if console.exit_code(already):
                     return _say(arguments, already)
                 code = _say(arguments, diagnostics, texts={root.path: changed.text})
-                console.say(f"{shown_path(root.path)} was not changed; the diagnostics above refer to the new text", stream=sys.stderr)
+                console.say(f"{shown_path(root.path)} was not changed (the diagnostics refer to the new text)", stream=sys.stderr)
                 return code
             changes[root.path] = old, new
         with signals.delay_signals():

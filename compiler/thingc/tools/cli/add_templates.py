@@ -69,12 +69,12 @@ def _part(arguments: argparse.Namespace, documents: Documents | None) -> Documen
                 return _placed_part(arguments, documents, geometry, reference)
             near = closest_name(reference, geometry.catalogue()) if has_reference else None
             if near is not None:
-                help = f"did you mean `{near}`? To create a new class, add --new"
+                help = f"did you mean `{near}`? Add --new to create a class"
                 raise console.WrongCommandLine(f"there is no part `{reference}`", help)
     folder = next(iter(workspace.parts), os.path.join(workspace.root, "parts"))
     path = (place.file if place.workspace else None) or os.path.join(folder, f"{module}.py")
     if not workspace.contains(path):
-        message = f"a symbolic link leads out of the workspace: `{shown_path(path)}`"
+        message = f"the symbolic link `{shown_path(path)}` leads out of the workspace"
         raise console.WrongCommandLine(message, "use another module: `thingc add part MODULE:CLASS`")
     return _new_part(arguments, documents, reference, path)
 
@@ -85,8 +85,7 @@ def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geo
     This function ignores errors in the code of the part, because `thingc check` reports them.
     """
     if documents is None:
-        message = f"the part `{shorten(reference)}` already exists; to place the part in a document, use --to"
-        raise console.WrongCommandLine(message, "write, for example, --to robot.yaml")
+        raise console.WrongCommandLine(f"the part `{shorten(reference)}` already exists", "use --to to add the part to a document")
     name = reference.rpartition(":")[2]
     component = arguments.component or (_snake(name) if re.fullmatch(NAME, name) else "part")
     answer = geometry.describe([reference])[reference]
@@ -100,9 +99,7 @@ def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geo
         if arguments.on is not None and arguments.by is None:
             mount = _sole_mount(reference, list(record.mounts) or ["origin"], "bottom")
     elif isinstance(answer, PartSchema) and definition is None and arguments.on is not None and arguments.by is None:
-        raise console.WrongCommandLine(
-            f"`{reference}` needs parameters, so its mounts are unknown", "specify a mount of the part with --by",
-        )
+        raise console.WrongCommandLine(f"the mounts of `{reference}` are unknown without parameters", "specify a mount with --by")
     return DocumentEdit(values={("components", component): {**value, **_placement_keys(arguments, documents.root, component, mount)}})
 
 
@@ -127,7 +124,7 @@ def _new_part(arguments: argparse.Namespace, documents: Documents | None, refere
     module_name, _, class_name = reference.partition(":")
     module, name = _identifier(module_name), _class_name(class_name)
     if keyword.iskeyword(name) or name in _bound_names(parse_python(new_part("_", None))):
-        raise console.WrongCommandLine(f"`{name}` is not available as the name of a class", "choose another name")
+        raise console.WrongCommandLine(f"`{name}` cannot be used as a class name", "choose another name")
     component = arguments.component or _snake(name)
     placed = None if documents is None else _placement_keys(arguments, documents.root, component, "bottom")
     weight = {"material": "pla"} if documents is None else _weight(documents)
@@ -214,7 +211,7 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Documen
     soles: list[str] = arguments.standing_on or []
     by_sole = len(soles) == 1 and (arguments.base is None or stays(arguments.base))
     if by_sole and arguments.root is not None:
-        message = f"`{soles[0]}` in --standing-on is also the root of the mode, so --root must be omitted"
+        message = f"--root cannot be combined with a single mount in --standing-on (`{soles[0]}`)"
         raise console.WrongCommandLine(message, "omit --root, or write `--base free`")
     root_name = soles[0] if by_sole else arguments.root or str(first["root"])
     usual: tuple[BaseType, ...] = ("held", "fixed") if by_sole else ("free",) if soles else ("fixed", "held", "free")
@@ -246,7 +243,7 @@ def _joint_edit(arguments: argparse.Namespace, documents: Documents | None) -> D
     name = _new(root, "joints", arguments.name)
     if arguments.parent is None or arguments.child is None:
         help = "write, for example, `--parent base.top --child bracket.bottom`"
-        raise console.WrongCommandLine("a joint requires --parent and --child, two mounts", help)
+        raise console.WrongCommandLine("a joint requires --parent and --child", help)
     kind = KINDS[arguments.type or "revolute"]
     value: dict[str, Written] = {"type": kind.name, "parent": arguments.parent, "child": arguments.child}
     if arguments.loop:
@@ -269,11 +266,11 @@ def _test(arguments: argparse.Namespace, documents: Documents | None) -> Documen
     root = documents.root
     name = _new(root, "tests", arguments.name)
     if arguments.kind not in kinds():
-        wrong = "a test requires --kind" if arguments.kind is None else f"there is no kind of test `{arguments.kind}`"
+        wrong = "a test requires --kind" if arguments.kind is None else f"there is no test kind `{arguments.kind}`"
         raise console.WrongCommandLine(wrong, did_you_mean(arguments.kind or "", kinds(), what="kinds"))
     motions, mounts = _section(root.tree, "motions"), _section(root.tree, "mounts")
     if "$motion" in kinds()[arguments.kind].stub.values() and not motions:
-        raise console.WrongCommandLine(f"a `{arguments.kind}` test needs a motion of the document", "first add `motions` to the document")
+        raise console.WrongCommandLine(f"a `{arguments.kind}` test requires a motion of the document", "add `motions` to the document")
     last = list(_section(root.tree, "components"))[-1]
     words = {
         "$base": f"{_base(root)}.origin", "$mount": next(iter(mounts), f"{last}.origin"),
@@ -374,11 +371,11 @@ def _new(root: Document, section: str, name: str, hint: str = "choose another na
 
 def _identifier(name: str) -> str:
     if not isinstance(core_value(name), str):
-        raise console.WrongCommandLine(f"`{name}` is not a valid name: YAML reads it as another value", "choose another name")
+        raise console.WrongCommandLine(f"`{name}` is not a valid name (YAML reads another value)", "choose another name")
     if not re.fullmatch(NAME, name):
         near = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")
         hint = f"write, for example, `{near}`" if re.fullmatch(r"[A-Za-z]\w*", near, re.ASCII) else "choose another name"
-        raise console.WrongCommandLine(f"`{name}` is not a valid name: use a letter, then letters, digits and `_`", hint)
+        raise console.WrongCommandLine(f"`{name}` is not a valid name (expected a letter, then letters, digits and `_`)", hint)
     return name
 
 

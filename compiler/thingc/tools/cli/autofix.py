@@ -33,7 +33,7 @@ def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Op
         if not arguments.fix:
             raise console.WrongCommandLine("--diff requires --fix", "write `thingc check --fix --diff`")
         if arguments.no_code:
-            raise console.WrongCommandLine("--fix cannot be combined with --no-code", "use --fix only for documents that you trust")
+            raise console.WrongCommandLine("--fix cannot be combined with --no-code", "remove one of the two options")
     except console.WrongCommandLine as fault:
         return _say(arguments, [fault.diagnostic], [])
     read = cache(_read)  # each file is read only once
@@ -88,7 +88,7 @@ def _say(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], mende
         for one in mended:
             console.say(f"{shown_path(one.file)}:{one.line}: fixed `{one.written}` -> `{one.replacement}`")
         if not mended and any(d.fixes for d in diagnostics):
-            console.say("no fixes applied: a fix must be unambiguous and must reduce the number of errors")
+            console.say("no fixes applied (none is unambiguous and reduces the number of errors)")
         if diagnostics and (mended or any(d.fixes for d in diagnostics)):
             console.say("")
     console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, mended=rows)

@@ -27,7 +27,6 @@ from thingc.base.diagnostics import shown_path
 from thingc.base.one_line_repr import format_count
 from thingc.batch.build_records import find_variant, in_order
 from thingc.batch.folder import FOLDERS, PACKED, BatchFault, explain_os_error, lock_folder, read_description
-from thingc.batch.packed_layout import CHUNK
 from thingc.batch.page import show_again
 from thingc.batch.pictures import ALL, MANY, MOST
 from thingc.batch.planning import Plan, PlanError
@@ -55,33 +54,27 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc batch` to the parser."""
     add = parser.add_argument
     add("document", metavar="DOC", help="a variants document (YAML or TOML)")
-    add("-o", "--output", metavar="DIR", help="create the folder NAME in DIR (default: the workspace's build folder)")
-    add(
-        "--emit", metavar="T", action="append", default=[],
-        help="write only this target (may be repeated; default: the targets of the document)",
-    )
+    add("-o", "--output", metavar="DIR", help="parent folder of the output folder (default: the workspace's build folder)")
+    add("--emit", metavar="T", action="append", default=[], help="target to write (may be repeated; default: the targets of the document)")
     add("--limit", metavar="N", type=console.positive, help="build only the first N variants")
     add("--resume", action="store_true", help="continue an interrupted batch")
-    add("--retry", action="store_true", help="with --resume: retry failed variants")
-    add("--adopt", metavar="ID", help="write the values of one variant to the assembly document; build nothing")
-    add("--unpack", metavar="ID", help="write the folder of one variant of a packed batch; build nothing")
-    add("--dry-run", action="store_true", help="show what would be built; write nothing")
+    add("--retry", action="store_true", help="also retry failed variants (requires --resume)")
+    add("--adopt", metavar="ID", help="write the values of a variant to the assembly document")
+    add("--unpack", metavar="ID", help="write the folder of one variant of a packed batch")
+    add("--dry-run", action="store_true", help="show the variants without building them")
     add(
         "--layout", choices=(FOLDERS, PACKED),
-        help="write one folder per variant, or packed files (default: as in the document, else packed for more than 2000 variants)",
+        help="layout of the results (default: from the document, or packed for more than 2000 variants)",
     )
     add("--timeout", metavar="TIME", help="time limit for each variant (default: '10 min')")
-    add("--cluster", metavar="ADDRESS", help="build on a cluster: tcp://HOST:8786 (dask) or slurm:partition=NAME,cpus=8")
-    add("--ship", action="store_true", help="with --cluster: copy files to and from machines that do not share a folder with this machine")
+    add("--cluster", metavar="ADDRESS", help="address of a Dask or Slurm cluster to build on")
+    add("--ship", action="store_true", help="copy files to and from the cluster (requires --cluster)")
     add(
         "--pictures", metavar="N", type=_pictures,
         help="number of pictures on the HTML page, `none` or `all` (default: 48, or none for more than 200 variants)",
     )
-    add("--page-only", action="store_true", help="replace only the HTML page of an existing batch; build nothing")
-    add(
-        "--verify", choices=tuple(VERIFY), default="some",
-        help="models to compile with MuJoCo (some: if models differ only in numbers, the first and every 64th; default: some)",
-    )
+    add("--page-only", action="store_true", help="update only the HTML page of an existing batch")
+    add("--verify", choices=tuple(VERIFY), default="some", help="models to compile with MuJoCo (default: some)")
     console.add_format(parser)
     console.add_geometry(parser, jobs="number of variants to build in parallel")
 
@@ -116,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
     except Interrupted as fault:
         console.say_in_place()
         done = f"{fault.done} of {format_count(fault.count, 'variant')} are done"
-        console.say(f"interrupted: {done}; to continue, run: {_resume_command(arguments)}", stream=sys.stderr)
+        console.say(f"interrupted ({done}); to continue, run: {_resume_command(arguments)}", stream=sys.stderr)
         return INTERRUPTED
     return _answer(arguments, summary)
 
@@ -169,7 +162,7 @@ class _Show:
         counts = ", ".join(f"{count} {STATUSES[status]}" for status, count in sorted(progress.counts.items())) or "none yet"
         left = progress.left
         estimate = f", {_time(left)} left" if left is not None else ""
-        line = f"{progress.done} of {format_count(progress.count, 'variant')} ({counts}); {progress.rate:.3g} a second{estimate}"
+        line = f"{progress.done} of {format_count(progress.count, 'variant')} ({counts}); {progress.rate:.3g} per second{estimate}"
         if sys.stderr.isatty():
             console.say_in_place(line)
         elif time.monotonic() - self.last_line >= PAUSE:
@@ -232,10 +225,10 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     where = f" -o {shlex.quote(arguments.output)}" if arguments.output is not None else ""
     command = f"thingc batch {shlex.quote(arguments.document)}{where}"
     if summary.layout == PACKED:
-        lines.append(f"the variants are packed, {CHUNK} per file; to write the folder of one variant: {command} --unpack ID")
+        lines.append(f"to write the folder of one variant, run: {command} --unpack ID")
     if arguments.pictures is None and summary.count > MANY:
         command_for_pictures = f"{command} --page-only --pictures {MOST}"
-        lines.append(f"by default, the page of more than {MANY} variants has no pictures; to draw them: {command_for_pictures}")
+        lines.append(f"to draw pictures on the page, run: {command_for_pictures}")
     lines += _complaints(summary.folder) if code else []
     console.say(*lines, stream=sys.stderr)
     return code
@@ -282,7 +275,7 @@ def _unpack(arguments: argparse.Namespace, options: Options) -> int:
         with lock_folder(folder):
             console.say(shown_path(load(folder)[arguments.unpack].unpack()))
     except FamilyError as fault:
-        raise console.WrongCommandLine(str(fault), "see results.csv for identifiers") from fault
+        raise console.WrongCommandLine(str(fault), "use an identifier from results.csv") from fault
     except OSError as fault:
         raise explain_os_error(folder, fault) from fault
     return 0
@@ -293,7 +286,7 @@ def _adopt(arguments: argparse.Namespace, options: Options) -> int:
     planned = plan(arguments.document, options=options)
     adopted = find_variant(planned, arguments.adopt, planned.folder_in(arguments.output))
     if adopted is None:
-        help = "results.csv lists the identifiers of all variants; `--dry-run` shows the first identifiers"
+        help = "use an identifier from results.csv or `--dry-run`"
         raise console.WrongCommandLine(f"`{planned.name}` has no variant `{arguments.adopt}`", help)
     variant, rule = adopted
     if rule is not None:

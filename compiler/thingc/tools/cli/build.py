@@ -44,7 +44,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = f"{textwrap.fill(about.format(targets=describe_targets()), 120)}\n\n{examples}"
     console.add_document(parser)
     add_building(parser)
-    parser.add_argument("--twice", action="store_true", help="build each part twice without the cache, and report differences as errors")
+    parser.add_argument("--twice", action="store_true", help="build each part twice, and compare the results")
     console.add_format(parser, console.FINDINGS)
     console.add_compiling(parser)
 
@@ -173,7 +173,7 @@ def add_emit(parser: argparse.ArgumentParser) -> None:
     unasked = [name for name, target in TARGETS.items() if target.unasked]
     parser.add_argument(
         "--emit", metavar="T", action="append", default=[],
-        help=f"write only this target, or `all` (may be repeated; default: the targets in thingc.toml, else {', '.join(unasked)})",
+        help=f"target to write, or `all` (may be repeated; default: the targets in thingc.toml, or {', '.join(unasked)})",
     )
 
 
@@ -181,22 +181,22 @@ def add_compat(parser: argparse.ArgumentParser) -> None:
     """Add the option `--compat`, which selects further programs that must be able to read the MuJoCo models, to a parser."""
     parser.add_argument(
         "--compat", metavar="C", action="append", default=[],
-        help=f"write MuJoCo models that this program can also read: {', '.join(CONSUMERS)} (may be repeated; "
+        help=f"make the MuJoCo models compatible with this program ({', '.join(CONSUMERS)}; may be repeated; "
         "default: the programs in thingc.toml)",
     )
 
 
 def add_building(parser: argparse.ArgumentParser) -> None:
     """Add the options that control the content and the location of the build folder to a parser."""
-    parser.add_argument("-o", "--output", metavar="DIR", help="create the folder NAME in DIR (default: the workspace's build folder)")
-    parser.add_argument("--mode", metavar="M", action="append", default=[], help="build only this mode (may be repeated; default: all)")
+    parser.add_argument("-o", "--output", metavar="DIR", help="parent folder of the output folder (default: the workspace's build folder)")
+    parser.add_argument("--mode", metavar="M", action="append", default=[], help="mode to build (may be repeated; default: all modes)")
     add_emit(parser)
     add_compat(parser)
     parser.add_argument(
         "--force", action="store_true",
-        help="overwrite files in the build folder that thingc did not write or that have changed since the last build",
+        help="overwrite unknown or modified files in the output folder",
     )
-    parser.add_argument("--deny-loss", action="store_true", help="treat export losses as errors, unless the document allows them")
+    parser.add_argument("--deny-loss", action="store_true", help="treat export losses as errors")
 
 
 def chosen_targets(arguments: argparse.Namespace) -> tuple[tuple[str, ...], list[Diagnostic]]:
@@ -207,9 +207,9 @@ def chosen_targets(arguments: argparse.Namespace) -> tuple[tuple[str, ...], list
     for _, message, hint in unknown(arguments.emit):
         raise console.WrongCommandLine(message, hint)
     if arguments.emit and not parse_targets(arguments.emit):
-        raise console.WrongCommandLine("`--emit` has no target", "write, for example, --emit mjcf,urdf")
+        raise console.WrongCommandLine("`--emit` requires a target", "write, for example, --emit mjcf,urdf")
     if arguments.emit and arguments.compat and not {"mjcf", "mjz"} & {*parse_targets(arguments.emit)}:
-        raise console.WrongCommandLine("`--compat` requires MuJoCo models, but `--emit` does not include `mjcf`", "add `mjcf` to `--emit`")
+        raise console.WrongCommandLine("`--compat` requires the target `mjcf`", "add `mjcf` to `--emit`")
     if arguments.emit:
         return parse_targets(arguments.emit), []
     workspace = Workspace.find(arguments.document, Report())

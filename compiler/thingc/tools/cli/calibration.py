@@ -28,8 +28,8 @@ from thingc.tools.cli import console
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc calibration` to the parser."""
     parser.add_argument("document", metavar="ROBOT", help="an assembly document (YAML or TOML)")
-    parser.add_argument("calibration", metavar="FILE", help="a document of the kind `calibration/1`")
-    parser.add_argument("--emit", choices=[*EXPORTS], help="format to write")
+    parser.add_argument("calibration", metavar="FILE", help="a calibration document (YAML or TOML)")
+    parser.add_argument("--emit", choices=[*EXPORTS], help="format of the converted calibration")
     parser.add_argument("-o", "--output", metavar="OUT", help="output file (default: standard output)")
     console.add_format(parser)
     console.add_compiling(parser)
@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _check_output(arguments: argparse.Namespace) -> None:
     """Raise `WrongCommandLine` if the option -o has no format, or names an input file."""
     if arguments.output is not None and arguments.emit is None:
-        raise console.WrongCommandLine("-o needs a format", "add, for example, --emit python")
+        raise console.WrongCommandLine("-o requires --emit", "add, for example, --emit python")
     inputs = [os.path.realpath(path) for path in (arguments.document, arguments.calibration)]
     if arguments.output is not None and os.path.realpath(arguments.output) in inputs:
         raise console.WrongCommandLine(f"-o: `{arguments.output}` is an input file", "choose another file with -o", Code.OUTPUT)

@@ -38,14 +38,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add(
         "document", metavar="DOC", nargs="*",
-        help="an assembly, materials or variants document (YAML or TOML), a robot of another format (.urdf, .xacro, .sdf, .xml), or a "
-        "folder of documents (default: the working folder)",
+        help="document, robot file (.urdf, .xacro, .sdf, .xml) or folder of documents (default: the working folder)",
     )
-    add("--touched", action="store_true", help="treat the arguments as changed files and check the documents that they affect")
+    add("--touched", action="store_true", help="check the documents that the given files affect")
     console.add_no_code(parser)
-    add("--time-limit", metavar="TIME", default="5 s", help="with --no-code: CPU time limit for each document (default: %(default)s)")
-    add("--fix", action="store_true", help="apply unambiguous fixes, then report the rest")
-    add("--diff", action="store_true", help="with --fix: show the fixes without writing them")
+    add("--time-limit", metavar="TIME", default="5 s", help="CPU time limit for each document (with --no-code; default: %(default)s)")
+    add("--fix", action="store_true", help="apply unambiguous fixes")
+    add("--diff", action="store_true", help="show the fixes without writing them (requires --fix)")
     robot_files.configure(parser)
     console.add_format(parser, console.FINDINGS)
     console.add_compiling(parser)

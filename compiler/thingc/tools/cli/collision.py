@@ -25,8 +25,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc collision` to the parser."""
     console.add_document(parser)
     formats = ("mjcf", "urdf", "sdf", "usd")
-    parser.add_argument("--target", choices=formats, default="", help="measure the shapes in this format (default: in all formats)")
-    parser.add_argument("-o", "--output", metavar="PNG", help="also draw the collision shapes over the parts of the first mode")
+    parser.add_argument("--target", choices=formats, default="", help="format of the collision shapes (default: all formats)")
+    parser.add_argument("-o", "--output", metavar="PNG", help="PNG file for a picture of the collision shapes")
     console.add_format(parser)
     console.add_compiling(parser)
 

@@ -68,7 +68,7 @@ def default_document() -> str:
         say(f"using {shown_path(robots[0])}, the only robot in this folder", stream=sys.stderr)
         return shown_path(robots[0])
     hint = did_you_mean("", map(shown_path, robots), what="robots") if robots else "run `thingc new NAME` to create one"
-    raise WrongCommandLine(f"the argument DOC is required, because there are {len(robots) or 'no'} robots in this folder", hint)
+    raise WrongCommandLine(f"the argument DOC is required in a folder with {len(robots) or 'no'} robots", hint)
 
 
 def _top_documents(assemblies: Sequence[str]) -> list[str]:
@@ -96,12 +96,11 @@ def add_compiling(parser: argparse.ArgumentParser) -> None:
     """Add the options of all commands that compile a document to a parser."""
     parser.add_argument(
         "-p", "--parameter", metavar="NAME=VALUE", action="append", default=[],
-        help="set a parameter of the document, for example -p 'reach=120 mm' (may be repeated)",
+        help="set a parameter of the document (may be repeated)",
     )
     parser.add_argument(
         "--set", metavar="PATH=TEXT", action="append", default=[], dest="choice",
-        help="set a value of the document, such as 'joints.elbow.limit.upper=90 deg', or choose another part, nested assembly or "
-        "material, such as components.foot.part=feet:Wide (may be repeated)",
+        help="set a value of the document by its path (may be repeated)",
     )
     parser.add_argument("--strict", action="store_true", help="treat warnings as errors")
     add_geometry(parser)
@@ -117,12 +116,10 @@ def add_editing(parser: argparse.ArgumentParser) -> None:
 
 def add_geometry(parser: argparse.ArgumentParser, *, jobs: str = "number of parts to build in parallel") -> None:
     """Add the options for part geometry, such as `--store`, to a parser. `jobs` is the help text of the option `--jobs`."""
-    parser.add_argument(
-        "--store", metavar="DIR", help="folder or URL of cached parts (default: THINGC_STORE if set, else the user's cache folder)",
-    )
+    parser.add_argument("--store", metavar="DIR", help="folder or URL of the part cache (default: THINGC_STORE or the user's cache)")
     parser.add_argument("--jobs", metavar="N", type=positive, default=0, help=f"{jobs} (default: one per core)")
-    parser.add_argument("--part-timeout", metavar="TIME", help="time limit for building each part, for example '30 s'")
-    parser.add_argument("--debug", action="store_true", help="show the Python tracebacks of failed parts")
+    parser.add_argument("--part-timeout", metavar="TIME", help="time limit for building each part")
+    parser.add_argument("--debug", action="store_true", help="show the Python traceback of each failed part")
 
 
 def add_format(parser: argparse.ArgumentParser, choices: Sequence[str] = ("text", "json")) -> None:
@@ -133,9 +130,7 @@ def add_format(parser: argparse.ArgumentParser, choices: Sequence[str] = ("text"
 
 def add_no_code(parser: argparse.ArgumentParser) -> None:
     """Add the option `--no-code`, with which a command runs no code of the workspace, to a parser."""
-    parser.add_argument(
-        "--no-code", action="store_true", help="do not run code of the workspace; read parts from parts.lock.json (see `thingc lock`)",
-    )
+    parser.add_argument("--no-code", action="store_true", help="read parts from parts.lock.json instead of running Python code")
 
 
 def one_of(known: Sequence[str]) -> Callable[[str], str]:
@@ -181,7 +176,7 @@ def parameters(settings: Sequence[str]) -> Mapping[str, str]:
     for setting in settings:
         name, _, value = (piece.strip() for piece in setting.partition("="))
         if name and value and not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
-            hint = f"to set a value by its path, write --set '{name}={value}'" if "." in name else f"write, for example, {example}"
+            hint = f"write --set '{name}={value}'" if "." in name else f"write, for example, {example}"
             raise WrongCommandLine(f"expected -p NAME=VALUE, found `{setting}`", hint)
     return paths(settings, "-p NAME=VALUE", example, "-p sets `{}` twice")
 
@@ -206,7 +201,7 @@ def paths(settings: Sequence[str], form: str, example: str, duplicate_message: s
 def refuse_modules_of_others() -> None:
     """Raise `WrongCommandLine` if Python can import modules from the working folder, because its files are untrusted."""
     if "" in sys.path or os.getcwd() in sys.path and not sys.flags.safe_path:
-        message = "Python imports modules from the working folder, which may contain untrusted files"
+        message = "Python can import untrusted modules from the working folder"
         raise WrongCommandLine(message, "run `thingc`, or `python -I -m thingc`")
 
 
@@ -516,9 +511,9 @@ def of_exception(fault: Exception) -> Diagnostic:
     from thingc.tools.affected.dependents import NotARepository
 
     if isinstance(fault, NotARepository):
-        return error(f"git failed: {fault}", "run this in a repository, or compare two files", Code.COMMAND_LINE)
+        return error(f"git failed: {fault}", "run the command in a Git repository, or compare two files", Code.COMMAND_LINE)
     if isinstance(fault, FileNotFoundError) and working_folder() is None:
-        help = "the folder was deleted or recreated: `cd` to an existing folder"
+        help = "change to an existing folder with `cd`"
         return error("the working folder no longer exists", help, Code.WORKING_FOLDER)
     if isinstance(fault, StoreUnusable):
         help = "choose a writable folder with --store or THINGC_STORE"
@@ -531,15 +526,15 @@ def of_exception(fault: Exception) -> Diagnostic:
     import traceback
 
     message = f"internal error: {type(fault).__name__}: {' '.join(str(fault).split())}"
-    help = "this is a bug in thingc, not in your document; please report it with the output of --debug"
+    help = "report this bug in thingc with the output of --debug"
     return error(message, help, Code.INTERNAL, "".join(traceback.format_exception(fault)))
 
 
 _CURES: Mapping[type[OSError], str] = {
-    FileExistsError: "move or delete the existing file", NotADirectoryError: "move or delete the file; a folder is required here",
-    IsADirectoryError: "move or delete the folder; a file is required here",
+    FileExistsError: "move or delete the existing file", NotADirectoryError: "move or delete the file",
+    IsADirectoryError: "move or delete the folder",
     PermissionError: "change the permissions, or choose another folder",
-    FileNotFoundError: "the file was moved or deleted during the run: run the command again",
+    FileNotFoundError: "run the command again",
 }
 
 

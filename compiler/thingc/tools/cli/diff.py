@@ -47,18 +47,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add(
         "side", metavar="SIDE", nargs="*",
-        help="the old state and the new state (default: the working tree): documents, robot files of other formats, build folders, lock "
-        "files or Git revisions (also as OLD..NEW); to compare only some documents, list them after --",
+        help="document, robot file, build folder, lock file or Git revision to compare (default: the working tree)",
     )
     add(
         "--fail-on", metavar="WHAT", action="append", default=[],
-        help="exit with code 1 if there are changes of this kind: mass, joints, tests, ... (separated by commas; may be repeated)",
+        help="exit with code 1 for changes of this kind (may be repeated)",
     )
     add("--no-tests", action="store_true", help="do not run the tests of the documents")
     console.add_no_code(parser)
-    add("--time-limit", metavar="TIME", default="20 s", help="with --no-code: CPU time limit for each document (default: %(default)s)")
-    add("--html", metavar="FILE", help="also write a page with pictures and a before/after slider")
-    add("--pictures", metavar="FOLDER", help="folder for pictures of the old state, the new state and the changes")
+    add("--time-limit", metavar="TIME", default="20 s", help="CPU time limit for each document (with --no-code; default: %(default)s)")
+    add("--html", metavar="FILE", help="write an HTML page with pictures to FILE")
+    add("--pictures", metavar="FOLDER", help="write pictures of the changes to FOLDER")
     robot_files.configure(parser)
     console.add_format(parser, FORMS)
     console.add_geometry(parser)

@@ -16,7 +16,7 @@ from thingc.tools.reporting.explain import as_page, find, sections, similar_code
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc explain` to the parser."""
-    parser.add_argument("code", metavar="CODE", nargs="?", help="a code such as TC302 or 302 (default: list all codes)")
+    parser.add_argument("code", metavar="CODE", nargs="?", help="a diagnostic code such as TC302 (default: list all codes)")
     console.add_format(parser)
 
 

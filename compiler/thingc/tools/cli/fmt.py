@@ -30,11 +30,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc fmt` to the parser."""
     parser.set_defaults(stdout_errors=True)
     add = parser.add_argument
-    add("document", metavar="DOC", nargs="+", help="a document, a folder of documents, or - for standard input")
-    add("--check", action="store_true", help="list the files that would change, without writing them; exit with code 1 if there are any")
+    add("document", metavar="DOC", nargs="+", help="document, folder of documents, or - for standard input")
+    add("--check", action="store_true", help="check whether the files are formatted")
     add("--diff", action="store_true", help="show the changes without writing them")
     add("--modeline", action="store_true", help="write the path of the schema into the first line of each document")
-    add("--touched", action="store_true", help="treat the arguments as changed files, and skip files that are not documents")
+    add("--touched", action="store_true", help="skip files that are not documents")
 
 
 def run(arguments: argparse.Namespace) -> int:

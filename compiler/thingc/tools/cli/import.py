@@ -43,13 +43,13 @@ MOST_SAID = 20
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc import` to the parser."""
     add = parser.add_argument
-    add("file", metavar="FILE", help="the robot: .urdf, .xacro, .sdf or .xml (MJCF), or an assembly: .step or .stp")
+    add("file", metavar="FILE", help="robot (.urdf, .xacro, .sdf, .xml) or assembly (.step, .stp) to convert")
     add("-o", "--output", metavar="DIR", help="output folder (default: the name of the robot)")
     robot_files.configure(parser)
-    add("--check", action="store_true", help="write nothing; list imported elements, repairs and losses")
+    add("--check", action="store_true", help="list imported elements, repairs and losses without writing files")
     add("--root", metavar="LINK", action="append", default=[], help="add a mode with this link as root (may be repeated)")
-    add("--keep", action="store_true", help="keep links that are fixed to another link as separate bodies in simulators")
-    add("--update", action="store_true", help="merge with the last import and preserve your edits (exit code 1 if there are conflicts)")
+    add("--keep", action="store_true", help="keep fixed links as separate bodies")
+    add("--update", action="store_true", help="update an earlier import, and preserve your edits")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -120,11 +120,11 @@ def _update(arguments: argparse.Namespace, imported: Imported, earlier: Previous
     Raises `OutputError`.
     """
     if earlier.source != os.path.basename(arguments.file) and not arguments.update:
-        message = f"`{shown_path(earlier.folder)}` contains the import of another file: `{earlier.source}` with the robot `{earlier.robot}`"
-        raise OutputError(message, "choose another folder with -o; for the same robot, merge with `--update`")
+        message = f"`{shown_path(earlier.folder)}` contains the import of `{earlier.source}` with the robot `{earlier.robot}`"
+        raise OutputError(message, "choose another folder with -o, or merge with `--update`")
     edited = [shown_path(os.path.join(earlier.folder, name)) for name in earlier.edited_files()]
     if edited and not arguments.update and not arguments.check:
-        message = f"imported files have changed since the last import and were not overwritten: {quote_names(edited, 6)}"
+        message = f"imported files were modified after the import ({quote_names(edited, 6)})"
         raise OutputError(message, "merge with `--update`, or choose another folder with -o")
     now = update(earlier, imported.document, imported.files, report)
     if now is None:

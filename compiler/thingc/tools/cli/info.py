@@ -27,9 +27,9 @@ from thingc.tools.cli import console, robot_files
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc info` to the parser."""
-    console.add_document(parser, what="an assembly document (YAML or TOML), or a robot of another format (.urdf, .xacro, .sdf, .xml)")
+    console.add_document(parser, what="document or robot file (.urdf, .xacro, .sdf, .xml)")
     robot_files.configure(parser)
-    parser.add_argument("--mates", action="store_true", help="also show mated mounts, and how their axes are aligned")
+    parser.add_argument("--mates", action="store_true", help="also show the mated mounts and their alignment")
     console.add_no_code(parser)
     console.add_format(parser)
     console.add_compiling(parser)
@@ -39,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc info`. With text output, diagnostics are printed to standard error."""
     options = console.options_of(arguments)
     if arguments.no_code and arguments.document.lower().endswith(".xacro"):
-        raise console.WrongCommandLine("--no-code cannot read a xacro file, which contains Python expressions", "expand it with `xacro`")
+        raise console.WrongCommandLine("--no-code cannot be used with a xacro file", "expand the file with `xacro`")
     if robot_files.select_robot_files([arguments.document]):
         from thingc.tools.importing.imported_document import compile_robot
 

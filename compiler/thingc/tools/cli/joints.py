@@ -24,9 +24,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc joints` to the parser."""
     parser.set_defaults(stdout_errors=True)
     parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
-    parser.add_argument("name", metavar="JOINT", nargs="*", help="name of a proposed joint to accept (default: all unambiguous proposals)")
+    parser.add_argument("name", metavar="JOINT", nargs="*", help="proposed joint to accept (default: all unambiguous proposals)")
     parser.add_argument("--write", action="store_true", help="write the accepted joints into the document")
-    parser.add_argument("--diff", action="store_true", help="show what --write would change, without writing it")
+    parser.add_argument("--diff", action="store_true", help="show the changes of --write without writing them")
     console.add_format(parser)
     parser.add_argument("--strict", action="store_true", help="treat warnings as errors")
     console.add_geometry(parser)
@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     if proposed.document is not None and (arguments.write or arguments.diff):
         outcome = write_joints(proposed, arguments.name, options, strict=arguments.strict, dry=not arguments.write or arguments.diff)
         if not outcome.found and not outcome.done and arguments.format == "text":
-            console.say("nothing to write: there is no unambiguous proposal")
+            console.say("no unambiguous proposals")
         return report_edit(outcome, arguments, diff=arguments.diff)
     if arguments.format == "text" and proposed.document is not None:
         console.say(*_lines(proposed))
@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _lines(proposed: JointProposals) -> list[str]:
     """Format the proposals as a table."""
     if not proposed.proposals:
-        return ["no joints found: no part touches another part in a way that allows exactly one motion"]
+        return ["no joints found"]
     rows = []
     for one in proposed.proposals:
         at = " ".join(f"{round(1000.0 * value, 6) + 0.0:.6g}" for value in one.line.point)

@@ -38,15 +38,15 @@ _NONE = "no parts compared"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc limits` to the parser."""
     console.add_document(parser)
-    parser.add_argument("joint", metavar="JOINT", nargs="*", help="joints or patterns (default: all joints with one coordinate)")
-    parser.add_argument("--mode", metavar="M", help="mode of the robot (default: the first)")
-    parser.add_argument("--pose", metavar="P", help="pose of the joints that do not move (default: pose of the mode)")
-    parser.add_argument("--pairs", action="store_true", help="also check all combinations of positions of two joints")
+    parser.add_argument("joint", metavar="JOINT", nargs="*", help="joint name or pattern (default: all joints with one coordinate)")
+    parser.add_argument("--mode", metavar="M", help="mode of the robot (default: the first mode)")
+    parser.add_argument("--pose", metavar="P", help="start pose of the search (default: the pose of the mode)")
+    parser.add_argument("--pairs", action="store_true", help="also check pairs of joints")
     parser.add_argument(
-        "--resolution", metavar="SIZE", action="append", default=[], help="largest error of the limits: an angle, or a length for "
-        "slides (may be repeated; default: 0.25 deg and 0.1 mm)",
+        "--resolution", metavar="SIZE", action="append", default=[],
+        help="accuracy of the limits (may be repeated; default: 0.25 deg and 0.1 mm)",
     )
-    parser.add_argument("--write", action="store_true", help="write the limits to the document, and preserve comments and layout")
+    parser.add_argument("--write", action="store_true", help="write the limits to the document")
     console.add_format(parser)
     console.add_compiling(parser)
 
@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     values = {path: text for one in found for path, text in _values(one).items()}
     if nested := ", ".join(f"`{one.joint.name}`" for one in found if "." in one.joint.name and any(one.contacts)):
-        console.say(f"note: limits of joints of nested documents are not written: {nested}", stream=sys.stderr)
+        console.say(f"note: the limits of joints in nested documents are not written ({nested})", stream=sys.stderr)
     return set_command.write(arguments.document, values, console.options_of(arguments), arguments) if values else code
 
 
@@ -98,10 +98,8 @@ def _search(
     joints = movable_joints(robot, arguments.joint)
     for text in arguments.resolution:
         if (dimension := parse_quantity(text, (ANGLE, LENGTH)).dimension) not in [one.twist.coordinate for one in joints]:
-            raise UnknownChoice(
-                f"--resolution: `{text}` does not apply, because none of these joints {'rotates' if dimension == ANGLE else 'slides'}",
-                f"write {'a length' if dimension == ANGLE else 'an angle'}, or remove the option",
-            )
+            expected = "a length" if dimension == ANGLE else "an angle"
+            raise UnknownChoice(f"--resolution: expected {expected}, found `{text}`", f"write {expected}, or remove the option")
     search = LimitSearch(robot, frame, collisions_of(pipeline.request_of(environment, compilation)))
     pairs = combinations(joints, 2) if arguments.pairs else ()
     return [search.joint(one, widths[one.twist.coordinate]) for one in joints], [search.pair(*pair) for pair in pairs]

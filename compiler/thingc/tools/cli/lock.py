@@ -38,7 +38,7 @@ from thingc.tools.cli.parts import unreadable
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc lock` to the parser."""
     parser.add_argument("folder", metavar="FOLDER", nargs="?", default=".", help="a folder of the workspace (default: the working folder)")
-    parser.add_argument("--check", action="store_true", help="do not write the file; exit with code 1 if it is out of date")
+    parser.add_argument("--check", action="store_true", help="check whether parts.lock.json is up to date")
     console.add_format(parser, console.FINDINGS)
     console.add_geometry(parser)
 
@@ -74,7 +74,7 @@ def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str 
     display_path = shown_path(path)
     if not check:
         if len(text.encode()) > MAX_BYTES:
-            report.add(Code.TOO_LARGE, f"`{LOCK_FILE}` would have more than {MAX_BYTES} bytes", None, help="split the workspace")
+            report.add(Code.TOO_LARGE, f"`{LOCK_FILE}` exceeds the maximum size ({MAX_BYTES} bytes)", None, help="split the workspace")
             return None
         write_whole(path, text.encode())
         return f"{display_path}: {format_count(len(values['things']) + len(values['files']), 'part')}"
@@ -114,7 +114,7 @@ def _used_parts(
                 for text, ways in slicings_of(model, geometry.realize(list(used.values()))).items():
                     slicings.setdefault(text, set()).update(ways)
         if environment.report.failed or report_of_document.failed:
-            message = f"`{shown_path(document)}` has errors: some of its parts may be missing from `{LOCK_FILE}`"
+            message = f"parts of `{shown_path(document)}` may be missing from `{LOCK_FILE}`"
             report.warn(Code.LOCK_DOCUMENT, message, line_of(document), help=f"run `thingc check {shown_path(document)}`")
     # missing parts have already been reported as errors in a document
     known = {reference for reference, answer in geometry.describe(list(references)).items() if not isinstance(answer, PartFailure)}

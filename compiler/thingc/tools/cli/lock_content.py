@@ -115,18 +115,18 @@ def differences(old_lock: Mapping[str, Any], new_lock: Mapping[str, Any]) -> lis
             if name not in old:
                 differing.append((name, f"the {what} `{name}` is missing"))
             elif name not in new:
-                differing.append((name, f"there is no {what} `{name}` any more, or no document uses it"))
+                differing.append((name, f"the {what} `{name}` is removed or unused"))
             else:
                 differing += [(name, words) for words in _thing_differences(name, old[name], new[name])]
     if sorted(old_lock.get("others", [])) != new_lock.get("others", []):
-        differing.append(("others", "the classes in the part folders that are not parts have changed"))
+        differing.append(("others", "other classes in the part folders have changed"))
     return differing
 
 
 def _thing_differences(name: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     old_records, new_records = _records(old), _records(new)
-    phrases = [f"`{text}`, which a document uses, is missing" for text in sorted(set(new_records) - set(old_records))]
-    phrases += [f"no document uses `{text}` any more" for text in sorted(set(old_records) - set(new_records))]
+    phrases = [f"`{text}` is missing" for text in sorted(set(new_records) - set(old_records))]
+    phrases += [f"`{text}` is unused" for text in sorted(set(old_records) - set(new_records))]
     for text in sorted(set(old_records) & set(new_records)):
         path = _first_difference(old_records[text], new_records[text], "")
         if path is not None:

@@ -21,7 +21,7 @@ from thingc.tools.cli import console, signals
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc lsp` to the parser."""
-    parser.add_argument("--stdio", action="store_true", help="use standard input and output (the default; some editors pass this option)")
+    parser.add_argument("--stdio", action="store_true", help="communicate over standard input and output (default)")
     console.add_geometry(parser)
 
 
@@ -33,7 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
     from importlib.util import find_spec
 
     if find_spec("pygls") is None:
-        raise console.WrongCommandLine("`thingc lsp` needs pygls, which is not installed", "pip install 'thingc[lsp]'")
+        raise console.WrongCommandLine("`thingc lsp` requires the package `pygls`", "run `pip install 'thingc[lsp]'`")
     options = replace(console.options_of(arguments), progress=None, printed=None)
     from thingc import __version__
     from thingc.tools.lsp.server import serve

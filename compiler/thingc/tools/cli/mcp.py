@@ -18,8 +18,8 @@ from thingc.tools.cli import console
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc mcp` to the parser."""
-    parser.add_argument("-C", "--workspace", metavar="DIR", default=".", help="the workspace of the robots (default: the working folder)")
-    parser.add_argument("--trusted", action="store_true", help="allow the server to run Python code of the workspace")
+    parser.add_argument("-C", "--workspace", metavar="DIR", default=".", help="workspace folder (default: the working folder)")
+    parser.add_argument("--trusted", action="store_true", help="allow the server to run Python code")
     console.add_geometry(parser)
 
 
@@ -28,7 +28,7 @@ def run(arguments: argparse.Namespace) -> int:
     from importlib.util import find_spec
 
     if find_spec("mcp") is None:
-        raise console.WrongCommandLine("`thingc mcp` needs the package `mcp`, which is not installed", "pip install 'thingc[mcp]'")
+        raise console.WrongCommandLine("`thingc mcp` requires the package `mcp`", "run `pip install 'thingc[mcp]'`")
     if not os.path.isdir(arguments.workspace):
         raise console.WrongCommandLine(f"`{arguments.workspace}` is not a folder", "use the folder of a workspace")
     console.options_of(arguments)  # report invalid options now

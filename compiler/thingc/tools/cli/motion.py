@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc motion` to the parser."""
     console.add_document(parser)
-    parser.add_argument("motion", metavar="MOTION", nargs="?", help="a motion of the document (default: the first)")
-    parser.add_argument("--mode", metavar="M", help="mode of the robot (default: the first)")
+    parser.add_argument("motion", metavar="MOTION", nargs="?", help="a motion of the document (default: the first motion)")
+    parser.add_argument("--mode", metavar="M", help="mode of the robot (default: the first mode)")
     parser.add_argument(
-        "--csv", metavar="FILE", help="write the simulated positions of joints to a CSV file, and print the largest error of each joint",
+        "--csv", metavar="FILE", help="write the simulated joint positions to a CSV file",
     )
     console.add_format(parser)
     console.add_compiling(parser)
@@ -62,7 +62,7 @@ def _replay(
 
     replay = Replay(pipeline.request_of(environment, compilation), compilation.robots[0], motions[name])
     if words := "; ".join(f"`{key}` of {', '.join(f'`{path}`' for path in paths)}" for key, paths in replay.ignored.items() if paths):
-        console.say(f"note: MuJoCo does not simulate these properties of drives: {words}", stream=sys.stderr)
+        console.say(f"note: MuJoCo does not simulate some properties of drives ({words})", stream=sys.stderr)
     try:
         if arguments.csv is None:
             replay.show()

@@ -31,7 +31,7 @@ RESERVED = {"world", "root", "origin", "scene"}
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc new` to the parser."""
     parser.epilog = (parser.epilog or "").format(**TEMPLATES)
-    parser.add_argument("place", metavar="NAME", help="the folder to create; the name of the folder is the name of the robot")
+    parser.add_argument("place", metavar="NAME", help="folder to create, named after the robot")
     parser.add_argument(
         "--template", type=console.one_of(list(TEMPLATES)), metavar="{" + ",".join(TEMPLATES) + "}", default=next(iter(TEMPLATES)),
         help="the example robot (default: %(default)s)",
@@ -62,14 +62,14 @@ def robot_name(place: str) -> str:
     stem, ending = os.path.splitext(word)
     if ending.lower() in DOCUMENT_SUFFIXES and not is_working_folder:
         near = shlex.quote(os.path.join(os.path.dirname(place), stem.removesuffix(".thingc")))
-        message = f"expected a folder, found the name of a document `{word}`"
-        raise console.WrongCommandLine(message, f"write `thingc new {near}`, which creates a folder with this document")
+        message = f"expected a folder, found the document name `{word}`"
+        raise console.WrongCommandLine(message, f"write `thingc new {near}`")
     if word.startswith("-") and not is_working_folder:
         raise console.WrongCommandLine(f"`{word}` would be parsed as an option", "choose a name that starts with a letter")
     name = re.sub(r"[-. ]+", "_", _plain(word)).strip("_")
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         near = re.sub(r"\W+", "_", f"robot_{name}", flags=re.ASCII).strip("_")
-        message = f"`{word}` is not a valid name: use a letter (a to z), then letters, digits and `_`"
+        message = f"`{word}` is not a valid name (expected a letter from a to z, then letters, digits and `_`)"
         raise console.WrongCommandLine(message, f"write, for example, `thingc new {near}`")
     if name.lower() in RESERVED or not isinstance(core_value(name), str):
         message = f"`{name}` is a reserved name in the files of a robot"
@@ -89,7 +89,7 @@ def _next_steps(arguments: argparse.Namespace, folder: str, name: str) -> list[s
     shown_folder, document = shown_path(folder), f"{name}.yaml"
     lines = [f"{name if shown_folder == os.curdir else shown_folder}: {TEMPLATES[arguments.template]}"]
     if name != os.path.basename(folder):
-        lines.append(f"the name of the robot is `{name}`: names consist of letters, digits and `_`")
+        lines.append(f"the robot is named `{name}`")
     steps = [
         *([] if shown_folder == os.curdir else [(f"cd {shlex.quote(shown_folder)}", "")]),
         (f"thingc check {document}", "report errors and warnings"),

@@ -36,7 +36,7 @@ WIDTH = 120
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc parts` to the parser."""
-    parser.add_argument("part", metavar="PART", nargs="*", help="list only this part (module:Class), module or package")
+    parser.add_argument("part", metavar="PART", nargs="*", help="part (module:Class), module or package to list")
     parser.add_argument("-C", "--workspace", metavar="DIR", default=".", help="a folder of the workspace (default: the working folder)")
     console.add_no_code(parser)
     console.add_format(parser)
@@ -129,8 +129,8 @@ def _parts_named(geometry: GeometryService, words: list[str]) -> list[str]:
             named = [word]  # a function, or a class that a package imports from another package
         modules = [module for module in installed if module.startswith(f"{word}.")]
         if not named and modules:
-            help = f"list single modules of this package, or single classes: {', '.join(f'`{module}`' for module in modules)}"
-            raise console.WrongCommandLine(f"`{word}` is a package of {len(modules)} modules, too many to list", help)
+            help = f"list one of the modules {', '.join(f'`{module}`' for module in modules)}"
+            raise console.WrongCommandLine(f"the package `{word}` has too many modules to list ({len(modules)})", help)
         if not named:
             known = {*references, *(one.partition(":")[0] for one in references), *installed}
             raise console.WrongCommandLine(f"there is no part `{word}`", did_you_mean(word, known, what="parts"))

@@ -30,7 +30,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc rename` to the parser."""
     parser.set_defaults(stdout_errors=True)
     parser.add_argument("document", metavar="DOC", help="an assembly or materials document (YAML or TOML)")
-    parser.add_argument("path", metavar="PATH", help="path of the element, such as components.hand or components.hand.mounts.tip")
+    parser.add_argument("path", metavar="PATH", help="path of the element, such as components.hand")
     parser.add_argument("name", metavar="NAME", help="the new name of the element")
     parser.add_argument("--diff", action="store_true", help="show the changes without writing them")
 

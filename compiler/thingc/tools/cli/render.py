@@ -52,20 +52,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc render` to the parser."""
     console.add_document(parser)
     add = parser.add_argument
-    add("--mode", metavar="M", help="mode to show (default: the first)")
-    add("--pose", metavar="P", help="pose to show (default: pose of the mode)")
+    add("--mode", metavar="M", help="mode to show (default: the first mode)")
+    add("--pose", metavar="P", help="pose to show (default: the pose of the mode)")
     add("-o", "--output", metavar="PNG", help="output file (default: NAME_MODE_POSE.png in the working folder)")
     add("--size", metavar="WxH", type=_size, default=SHOT.size, help="size in pixels (default: 1280x960)")
-    add(
-        "--azimuth", metavar="DEG", type=_degrees(360.0),
-        help="horizontal view direction: 0 along x, 90 along y; in a scene with a wall, 0 faces the wall (default: 140, or 40 with a wall)",
-    )
-    add("--elevation", metavar="DEG", type=_degrees(90.0), help="vertical view angle; negative: down (default: -22; with a ceiling 16)")
-    add("--mounts", action="store_true", help="draw mounts with attached components, and mounts that the document exports or adds")
-    add("--mounts-of", metavar="COMPONENT", action="append", default=[], help="draw all mounts of a component, such as those of hand.cap")
-    add("--joints", action="store_true", help="draw joint axes, with arrows in the positive direction")
-    add("--collision", action="store_true", help="draw transparent collision shapes over the parts")
-    add("--root", action="store_true", help="draw the frame of the root")
+    add("--azimuth", metavar="DEG", type=_degrees(360.0), help="horizontal view direction (default: 140, or 40 with a wall)")
+    add("--elevation", metavar="DEG", type=_degrees(90.0), help="vertical view angle (default: -22, or 16 with a ceiling)")
+    add("--mounts", action="store_true", help="draw attached, exported and added mounts")
+    add("--mounts-of", metavar="COMPONENT", action="append", default=[], help="draw all mounts of this component (may be repeated)")
+    add("--joints", action="store_true", help="draw joint axes")
+    add("--collision", action="store_true", help="draw collision shapes")
+    add("--root", action="store_true", help="draw the root frame")
     console.add_format(parser)
     console.add_compiling(parser)
 
@@ -83,10 +80,10 @@ def check_output(path: str | None) -> None:
     if path is None:
         return
     if not path.lower().endswith(".png"):
-        raise console.WrongCommandLine(f"-o: expected the name of a .png file, found `{path}`", "write, for example, -o arm.png")
+        raise console.WrongCommandLine(f"-o: expected a .png file, found `{path}`", "write, for example, -o arm.png")
     folder = os.path.dirname(path) or "."
     if not os.path.isdir(folder):
-        raise console.WrongCommandLine(f"-o: there is no folder `{folder}`", "create the folder, or choose another one", Code.OUTPUT)
+        raise console.WrongCommandLine(f"-o: there is no folder `{folder}`", "create the folder, or choose another folder", Code.OUTPUT)
 
 
 def _render(arguments: argparse.Namespace, environment: Environment, compilation: Compilation, _: Assembly) -> None:

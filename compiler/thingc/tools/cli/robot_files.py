@@ -30,23 +30,15 @@ def configure(parser: argparse.ArgumentParser, *, meshes: bool = True) -> None:
     add = parser.add_argument
     add(
         "--package", metavar="NAME=DIR", action="append", default=[],
-        help="folder of the package NAME in URIs `package://NAME/...` (may be repeated; default: search the parent folders of the file, "
-        "ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
+        help="folder of a ROS package (may be repeated; default: search the parent folders, ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
     )
-    add("--arg", metavar="NAME=VALUE", action="append", default=[], help="set the argument `$(arg NAME)` of a xacro file (may be repeated)")
-    add(
-        "--repair", metavar="inertia=HOW", type=_repair,
-        help="replace physically impossible inertias: inertia=nearest (by the nearest possible inertia) or "
-        "inertia=shapes (by an inertia computed from the shapes)",
-    )
+    add("--arg", metavar="NAME=VALUE", action="append", default=[], help="set an argument of a xacro file (may be repeated)")
+    add("--repair", metavar="inertia=HOW", type=_repair, help="repair impossible inertias (inertia=nearest or inertia=shapes)")
     if not meshes:
         parser.set_defaults(mesh_root=[], no_meshes=True)
         return
-    add(
-        "--mesh-root", metavar="DIR", action="append", default=[],
-        help="folder to search for missing meshes; the end of a path must match (may be repeated)",
-    )
-    add("--no-meshes", action="store_true", help="omit meshes, and list them as losses")
+    add("--mesh-root", metavar="DIR", action="append", default=[], help="folder to search for missing meshes (may be repeated)")
+    add("--no-meshes", action="store_true", help="omit meshes")
 
 
 def import_request(arguments: argparse.Namespace) -> ImportRequest:
@@ -142,7 +134,7 @@ def _remark(path: str, source: ImportRequest, losses: int) -> str | None:
     words += [("--repair", f"inertia={source.repair}")] if source.repair else []
     options = [*(text for pair in words for text in pair), *([] if source.meshes else ["--no-meshes"])]
     command = shlex.join(["thingc", "import", path, *options, "--check"])
-    return f"{path}: {format_count(losses, 'element')} not checked, listed by `{command}`"
+    return f"{path}: {format_count(losses, 'element')} not checked; to list them, run: {command}"
 
 
 def check_confined(path: str, options: Options, source: ImportRequest, *, strict: bool, seconds: float) -> Result:
@@ -150,8 +142,8 @@ def check_confined(path: str, options: Options, source: ImportRequest, *, strict
     from thingc.tools.cli.sandboxed_check import run_confined
 
     if path.lower().endswith(".xacro"):
-        report, message = Report(), "the file was not checked, because xacro evaluates Python expressions"
-        help = "expand the file with `xacro` and check the URDF file, or omit `--no-code`"
+        report, message = Report(), "the xacro file was not checked"
+        help = "check the URDF file that `xacro` creates, or omit `--no-code`"
         report.add(Code.SOURCE_XML, message, line_of(os.path.abspath(path)), help=help, severity=Severity.WARNING)
         return console.final(report, strict=strict), None
     if path.lower().endswith(".xml"):

@@ -31,13 +31,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc same` to the parser."""
     parser.set_defaults(behind=[])
     add = parser.add_argument
-    add(
-        "side", metavar="SIDE", nargs="+",
-        help="two robots, each a document, a robot file of another format, a build folder or a Git revision",
-    )
+    add("side", metavar="SIDE", nargs="+", help="document, robot file, build folder or Git revision to compare")
     add(
         "--tolerance", metavar="T", type=console.number_in(1e-12, 0.1, "a number from 1e-12 to 0.1", float), default=TOLERANCE,
-        help="largest difference of equal values, in m or rad, or as a fraction of masses and inertias (default: %(default)g)",
+        help="largest allowed difference between values (default: %(default)g)",
     )
     robot_files.configure(parser, meshes=False)
     console.add_format(parser)

@@ -102,17 +102,17 @@ def _cpu_time(child: int) -> int:
 def _costly(in_time: bool, status: int, seconds: float, memory: int) -> Diagnostic:
     ended_by = os.WTERMSIG(status) if os.WIFSIGNALED(status) else None
     if not in_time:
-        message = f"the check was stopped: it made no progress for {seconds * PATIENCE:g} s"
-        help = "check whether the machine is overloaded, and whether all files of the workspace can be read"
+        message = f"the check was stopped after {seconds * PATIENCE:g} s without progress"
+        help = "check the load of the machine and the access to the files of the workspace"
     elif ended_by == signal.SIGPROF:
-        message = f"the check was stopped: it needs more than {seconds:g} s of CPU time"
-        help = "make the documents smaller, or allow more time with --time-limit"
+        message = f"the check exceeded the CPU time limit ({seconds:g} s)"
+        help = "make the documents smaller, or increase --time-limit"
     elif os.WIFEXITED(status) and os.WEXITSTATUS(status) == _OUT_OF_MEMORY:
-        message = f"the check was stopped: it needs more than {memory // 1_000_000} MB of memory"
+        message = f"the check exceeded the memory limit ({memory // 1_000_000} MB)"
         help = "make the documents smaller"
     else:
         reason = f"by {signal.Signals(ended_by).name}" if ended_by is not None else f"with status {os.WEXITSTATUS(status)}"
-        message = f"the check ended early, {reason}"
+        message = f"the check ended early {reason}"
         help = "do not trust these documents, and report this problem"
     return console.error(message, help, Code.TOO_COSTLY)
 

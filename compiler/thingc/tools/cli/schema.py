@@ -33,9 +33,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc schema` to the parser."""
     parser.add_argument(
         "place", metavar="FOLDER|DOC", nargs="*", default=["."],
-        help="a document, or a folder whose documents get schemas (default: the working folder)",
+        help="document, or folder of documents (default: the working folder)",
     )
-    parser.add_argument("--no-model", action="store_true", help="do not start the CAD kernel; use only cached parts")
+    parser.add_argument("--no-model", action="store_true", help="use only cached parts")
     console.add_geometry(parser)
 
 
@@ -81,4 +81,4 @@ def _write(workspace: Workspace, only: list[str] | None, no_model: bool, options
     console.say(f"{folder}: schemas of {format_count(len(outcome.documents), 'document')}: {', '.join(parts)}")
     for name in outcome.kept:
         document = shown_path(os.path.join(workspace.root, name))
-        console.say(f"{document}: the document or one of its parts has a syntax error; the previous schema is unchanged")
+        console.say(f"{document}: the schema was not updated because of a syntax error")

@@ -42,11 +42,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc sensitivity` to the parser."""
     console.add_document(parser)
     parser.add_argument(
-        "--of", metavar="RESULT,...", type=_split, default=["mass", "centre"], help="results such as mass, centre.z (or com.z), inertia, "
-        "box, length.JOINT, torque_margin, site:MOUNT.z, tests.NAME or tests.* (default: mass,centre)",
+        "--of", metavar="RESULT,...", type=_split, default=["mass", "centre"],
+        help="results to differentiate, separated by commas (default: mass,centre)",
     )
-    parser.add_argument("--by", metavar="NAME,...", type=_split, default=[], help="parameters or paths (default: all numeric parameters)")
-    parser.add_argument("--mode", metavar="M", help="mode of the robot (default: the first)")
+    parser.add_argument(
+        "--by", metavar="NAME,...", type=_split, default=[],
+        help="parameters or paths, separated by commas (default: all numeric parameters)",
+    )
+    parser.add_argument("--mode", metavar="M", help="mode of the robot (default: the first mode)")
     console.add_format(parser)
     console.add_compiling(parser)
 

@@ -28,7 +28,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc set` to the parser."""
     parser.set_defaults(stdout_errors=True)
     parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
-    parser.add_argument("value", metavar="PATH=VALUE", nargs="+", help="a path or the name of a parameter, and its new value")
+    parser.add_argument("value", metavar="PATH=VALUE", nargs="+", help="path or parameter, and its new value")
     console.add_no_code(parser)
     console.add_editing(parser)
 

@@ -39,7 +39,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--mode", metavar="M", action="append", default=[],
-        help="run tests only in this mode (may be repeated; default: the modes that each test specifies)",
+        help="run tests only in this mode (may be repeated; default: the modes of each test)",
     )
     console.add_format(parser, ("text", "json", "junit"))
     console.add_compiling(parser)

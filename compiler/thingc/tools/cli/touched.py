@@ -23,15 +23,15 @@ from thingc.tools.cli.robot_files import changed_robots
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc touched` to the parser."""
-    parser.add_argument("files", metavar="FILE", nargs="*", help="a file that was changed or deleted")
-    parser.add_argument("--since", metavar="REVISION", help="add the files that have changed since the branch left REVISION (Git)")
-    parser.add_argument("--all", action="store_true", help="list every document below the working folder")
-    parser.add_argument("-0", "--null", action="store_true", help="for scripts: print unescaped paths, each terminated by a NUL character")
-    parser.add_argument("--roots", action="store_true", help="list only assemblies that have modes or are not nested in others")
+    parser.add_argument("files", metavar="FILE", nargs="*", help="changed or deleted file")
+    parser.add_argument("--since", metavar="REVISION", help="include files that changed since the Git merge base with REVISION")
+    parser.add_argument("--all", action="store_true", help="list all documents below the working folder")
+    parser.add_argument("-0", "--null", action="store_true", help="terminate paths with a NUL character instead of a newline")
+    parser.add_argument("--roots", action="store_true", help="list only top-level assemblies and assemblies with modes")
     parser.add_argument(
-        "--robot-files", action="store_true", help="list changed robot files (.urdf, .xacro, .sdf, .xml) instead of documents",
+        "--robot-files", action="store_true", help="list changed robot files instead of documents",
     )
-    parser.add_argument("--store", metavar="DIR", help="cached parts (default: THINGC_STORE if set, else the user's cache folder)")
+    parser.add_argument("--store", metavar="DIR", help="folder or URL of the part cache (default: THINGC_STORE or the user's cache)")
     console.add_format(parser)
 
 
@@ -84,6 +84,6 @@ def _changed_paths(files: Sequence[str], since: str | None) -> list[str]:
         try:
             changed += changed_since(since, os.getcwd())
         except NotARepository as fault:
-            hint = "use a branch, tag or commit of this repository; in a shallow clone, run `git fetch --unshallow`"
+            hint = "use a branch, tag or commit, or run `git fetch --unshallow`"
             raise console.WrongCommandLine(f"--since {since}: {fault}", hint) from fault
     return changed

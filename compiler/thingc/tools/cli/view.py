@@ -54,22 +54,14 @@ OF_DOCUMENTS = {
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc view` to the parser."""
-    console.add_document(parser, metavar="DOC|BUILD", what=(
-        "an assembly document (YAML or TOML), a robot of another format (.urdf, .xacro, .sdf, .xml), a build folder with html/, or its page"
-    ))
+    console.add_document(parser, metavar="DOC|BUILD", what="document, robot file, build folder or viewer page")
     robot_files.configure(parser)
-    parser.add_argument("--mode", metavar="M", action="append", default=[], help="show only this mode (may be repeated; default: all)")
-    parser.add_argument(
-        "--against", metavar="DOC",
-        help="also show the robot of DOC, transparent; if DOC is the same document, show its state at the start of the command",
-    )
+    parser.add_argument("--mode", metavar="M", action="append", default=[], help="mode to show (may be repeated; default: all modes)")
+    parser.add_argument("--against", metavar="DOC", help="document of a second robot to show transparently")
     port = console.number_in(1, 65535, "a port from 1 to 65535", console.whole)
     parser.add_argument("--port", metavar="N", type=port, default=0, help="port of the server (default: a free port)")
     parser.add_argument("--no-open", action="store_true", help="print the address of the page without opening a browser")
-    parser.add_argument(
-        "--editor", metavar="URL", default=EDITOR,
-        help="URL that links to documents and part files open, with placeholders {file} and {line} (default: %(default)s)",
-    )
+    parser.add_argument("--editor", metavar="URL", default=EDITOR, help="URL template of links to source files (default: %(default)s)")
     console.add_compiling(parser)
 
 
@@ -80,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
     options = console.options_of(arguments)
     if robot_files.select_robot_files([arguments.document]):
         if arguments.against is not None:
-            raise console.WrongCommandLine("--against is only supported for documents", "import the robot, and view its document")
+            raise console.WrongCommandLine("--against is only supported for documents", "import the robot, and view the document")
         from thingc.tools.cli.view_robot_file import view_robot_file
 
         return view_robot_file(arguments, options, _server(arguments))
@@ -197,11 +189,11 @@ def _open_build(arguments: argparse.Namespace) -> int:
     pages = [folder] if folder.is_file() else sorted(folder.glob("html/*.html"))
     if not pages:
         message = f"the build `{shown_path(str(folder))}` has no HTML page"
-        raise console.WrongCommandLine(message, "build it with `--emit html`, or view its document", Code.NO_DOCUMENT)
+        raise console.WrongCommandLine(message, "build the robot with `--emit html`, or view the document", Code.NO_DOCUMENT)
     unsupported = [name for key, name in OF_DOCUMENTS.items() if getattr(arguments, key) not in ([], 0, None, False, EDITOR)]
     if unsupported:
-        message = f"{unsupported[0]} applies to documents, but `{shown_path(str(folder))}` is a build"
-        raise console.WrongCommandLine(message, "view its document, or omit the option")
+        message = f"{unsupported[0]} cannot be used with the build folder `{shown_path(str(folder))}`"
+        raise console.WrongCommandLine(message, "view the document, or omit the option")
     for page in pages:
         console.say(shown_path(str(page)))
         if not arguments.no_open:
@@ -228,7 +220,7 @@ def _build_meant(name: str) -> Path:
         return builds[0]
     if builds:
         hint = did_you_mean("", [shown_path(str(one)) for one in builds], what="builds")
-        raise console.WrongCommandLine(f"`{name}` contains {len(builds)} builds", f"use one of them: {hint}", Code.NO_DOCUMENT)
+        raise console.WrongCommandLine(f"`{name}` contains {len(builds)} builds", f"use one of the builds: {hint}", Code.NO_DOCUMENT)
     robots = [shown_path(path) for path in documents_near(name, None) if is_document(path, "assembly/")]
     hint = did_you_mean("", robots, what="robots") if robots else "view a document, or a build folder with html/"
     raise console.WrongCommandLine(f"there is no build in the folder `{name}`", hint, Code.NO_DOCUMENT)

@@ -31,7 +31,7 @@ _NUMBER = re.compile(r"(?<![\w.^])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.])")
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc why` to the parser."""
     console.add_document(parser)
-    parser.add_argument("occurrence", metavar="OCCURRENCE", nargs="?", help="the path of a part, such as hand/cap")
+    parser.add_argument("occurrence", metavar="OCCURRENCE", nargs="?", help="path of a part, such as hand/cap")
     parser.add_argument("--losses", action="store_true", help="list the export losses of each target")
     add_emit(parser)
     add_compat(parser)
@@ -72,12 +72,12 @@ def _reason(compilation: Compilation, requested: str) -> None:
     path = requested.replace(".", "/")
     if path not in by_path:
         inside = [p for p in by_path if p.startswith(path + "/")]
-        hint = f"it is an assembly; its parts are {', '.join(f'`{p}`' for p in inside)}" if inside else did_you_mean(path, by_path)
+        hint = f"use a part of the assembly: {', '.join(f'`{p}`' for p in inside)}" if inside else did_you_mean(path, by_path)
         raise console.WrongCommandLine(f"there is no occurrence `{requested}`", hint)
     occurrence = by_path[path]
     text = occurrence.definition.text
     if text not in compilation.decisions:
-        console.say(f"{path} is a frame, which has no geometry")
+        console.say(f"{path} is a frame without geometry")
         return
     decision = compilation.decisions[text]
     console.say(f"{path} is {occurrence.definition.label}", f"{'reused' if decision.reused else 'modelled'}: {decision.reason}")
@@ -113,4 +113,4 @@ def _in_words(losses: Sequence[Loss]) -> str:
     text = first.what if len({loss.what for loss in losses}) == 1 else _NUMBER.sub("...", first.what)
     paths = ", ".join(dict.fromkeys(loss.path for loss in losses))
     of = f"{'mode' if len(losses) == 1 else 'modes'} {paths}" if of_modes else paths
-    return f"{place}{first.target}{where}: {of}: {text}: {first.how}"
+    return f"{place}{first.target}{where}: {of}: {text} ({first.how})"

@@ -69,7 +69,7 @@ def parse_sides(words: Sequence[str], documents: Sequence[str]) -> ComparisonReq
         return _make_request([_revision("HEAD"), sides[0]], ())
     if len(sides) == 1:
         if sides[0].kind != "revision":
-            raise UnknownComparison(f"`{words[0]}` is only one state: expected two states", "write two states, the old state first")
+            raise UnknownComparison(f"expected two states, found only `{words[0]}`", "write two states, the old state first")
         sides.append(Side(kind="checkout", name=CHECKOUT))
     return _make_request(sides, documents)
 
@@ -87,7 +87,7 @@ def _make_request(sides: Sequence[Side], documents: Sequence[str]) -> Comparison
         return ComparisonRequest(old=old, new=new, documents=(document,))
     if "lock" in kinds and kinds != {"lock"} or "revision" in kinds and not kinds <= {"revision", "checkout"}:
         one, other = ("build folder" if side.kind == "build" else side.kind for side in sides)
-        message = f"`{old.name}` and `{new.name}` cannot be compared: one is a {one}, the other a {other}"
+        message = f"a {one} (`{old.name}`) cannot be compared with a {other} (`{new.name}`)"
         raise UnknownComparison(message, "compare two revisions, two lock files, or documents and build folders")
     return ComparisonRequest(old=old, new=new, documents=tuple(documents))
 
@@ -105,14 +105,14 @@ def _sides(word: str) -> list[Side]:
             kind: SideKind = "document" if word.lower().endswith(DOCUMENT_SUFFIXES) else "model"
             return [Side(kind=kind, name=word, place=os.path.abspath(word))]
         message = f"`{word}` is not a document ({', '.join((*DOCUMENT_SUFFIXES, *ENDINGS))}), build folder or lock file"
-        raise UnknownComparison(message, f"the name of a lock file is `{LOCK_FILE}`")
+        raise UnknownComparison(message, f"use a document, a build folder or `{LOCK_FILE}`")
     if os.path.isdir(word):
         if os.path.isfile(os.path.join(word, MANIFEST)):
             return [Side(kind="build", name=word.rstrip("/"), place=os.path.abspath(word))]
         inner = [name for name in listing(word) if os.path.isfile(os.path.join(word, name, MANIFEST))]
         hint = "use a build folder or a document"
         hint = f"did you mean `{os.path.join(word, inner[0])}`?" if inner else hint
-        raise UnknownComparison(f"the folder `{word}` is not a build folder: it has no {MANIFEST}", hint)
+        raise UnknownComparison(f"the folder `{word}` is not a build folder (no {MANIFEST})", hint)
     between = "..." if "..." in word else ".." if ".." in word else None
     if between is None or os.sep in word.partition(between)[2][:1]:
         return [_revision(word)]
@@ -134,7 +134,7 @@ def _revision(word: str) -> Side:
         hint = did_you_mean(word, [*repository.names(), "HEAD"], what="revisions")
     except NotARepository as fault:
         message = f"`{word}` is not a file, a folder or a revision: {fault}"
-        hint = "use two documents, or run this in a Git repository"
+        hint = "use two documents, or run the command in a Git repository"
     if word.lower().endswith((*DOCUMENT_SUFFIXES, ".json")):
         folder = os.path.dirname(word)
         names = [os.path.join(folder, name) for name in listing(folder or ".") if name.lower().endswith(DOCUMENT_SUFFIXES)]

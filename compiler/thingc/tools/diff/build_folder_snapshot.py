@@ -20,8 +20,8 @@ from thingc.tools.diff.cached_snapshots import BrokenDocument
 from thingc.tools.diff.snapshot import ComponentNode, Fact, OccurrenceSnapshot, Row, Snapshot, SnapshotElement, Value, field_values
 from thingc.tools.grouping import group_by
 
-OF_BUILDS = "parameters, mates, limits, drives, poses, materials, sensors, mounts, geometry and tests, which are not in a build folder"
-OF_LOCKS = "content of documents, which is not in a lock file"
+OF_BUILDS = "parameters, mates, limits, drives, poses, materials, sensors, mounts, geometry and tests (missing in a build folder)"
+OF_LOCKS = "content of documents (missing in a lock file)"
 
 
 def snapshot_of_build(folder: str) -> Snapshot:

@@ -129,7 +129,7 @@ class _Matching:
             others = sides[1].get(signature, [])
             if len(ones) == len(others) == 1 and (exact or self._in_one_place(ones[0], others[0])):
                 met = min(known for _, known in signature[1])
-                how = f"and it is attached to `{met}` as before" if exact else f"beside `{met}`"
+                how = f"attached to `{met}` as before" if exact else f"beside `{met}`"
                 self._take(ones[0], others[0], f"{words}, {how}", perhaps=not (exact and what is _definition))
         return len(self.found) > before
 

@@ -45,26 +45,26 @@ def refuse_endless(robot: SourceRobot, report: Report) -> None:
         sizes = {one.where: (one.kind, max(map(abs, dimensions_of(one.kind, one.size)))) for one in link.shapes if one.kind != "mesh"}
         far = {where: shape for where, shape in sizes.items() if not shape[1] <= FARTHEST}
         for where, (kind, size) in far.items():
-            message = f"this {kind} has a size of {size:.3g} m, but at most {FARTHEST:g} m is supported"
+            message = f"the size of the {kind} ({size:.3g} m) exceeds the maximum ({FARTHEST:g} m)"
             report.add(Code.SOURCE_VALUE, message, where, help=_METRES)
         if link.weight is None or far:
             continue
         of, where = link.weight.properties, link.weight.where
         if not all(map(math.isfinite, (of.mass, *of.centre, *sum(of.inertia, ())))):
             message = f"the mass or the inertia of link `{link.name}` is not finite"
-            report.add(Code.SOURCE_VALUE, message, where, help="check the sizes and the densities of the shapes of this link")
+            report.add(Code.SOURCE_VALUE, message, where, help="check the sizes and densities of the shapes of the link")
         elif of.mass > HEAVIEST:
-            message = f"link `{link.name}` has a mass of {of.mass:.3g} kg, but at most {HEAVIEST:g} kg is supported"
+            message = f"the mass of link `{link.name}` ({of.mass:.3g} kg) exceeds the maximum ({HEAVIEST:g} kg)"
             report.add(Code.SOURCE_VALUE, message, where, help="check the unit: masses are in kilograms")
         elif (most := max(map(abs, sum(of.inertia, ())))) > LARGEST_MOMENT:
-            message = f"link `{link.name}` has a moment of inertia of {most:.3g} kg m^2, but at most {LARGEST_MOMENT:g} kg m^2 is supported"
+            message = f"the inertia of link `{link.name}` ({most:.3g} kg m^2) exceeds the maximum ({LARGEST_MOMENT:g} kg m^2)"
             report.add(Code.SOURCE_VALUE, message, where, help="check the units: masses are in kilograms, and lengths in metres")
         elif (most := max(map(abs, of.centre))) > FARTHEST:
-            message = f"the centre of mass of link `{link.name}` is {most:.3g} m from the link, but at most {FARTHEST:g} m is supported"
+            message = f"the distance of the centre of mass from link `{link.name}` ({most:.3g} m) exceeds the maximum ({FARTHEST:g} m)"
             report.add(Code.SOURCE_VALUE, message, where, help=_METRES)
     for one in robot.attachments:
         if (most := max(map(abs, one.pose.translation))) > FARTHEST:
-            message = f"link `{one.child}` is {most:.3g} m from its parent, but at most {FARTHEST:g} m is supported"
+            message = f"the distance of link `{one.child}` from the parent ({most:.3g} m) exceeds the maximum ({FARTHEST:g} m)"
             report.add(Code.SOURCE_VALUE, message, one.where, help=_METRES)
 
 
@@ -104,7 +104,7 @@ def import_robot(path: str, report: Report, request: ImportRequest = PLAIN) -> I
         roots, repair = [*(name for name in earlier.roots if name in links), *roots], repair or earlier.repair
         meshes, keep = meshes and earlier.with_meshes, keep or earlier.keep
     elif request.update:
-        message = "--update: the folder does not contain an import, or `import.json` has been modified"
+        message = "--update: the folder does not contain a valid `import.json`"
         report.add(Code.COMMAND_LINE, message, None, help="specify the folder with -o, or import without --update")
     if report.failed:
         return None

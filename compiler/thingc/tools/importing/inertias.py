@@ -68,8 +68,8 @@ def repair_inertias(
         if method is not None and find_fault([(new.get(link.name, link), pose) for link, pose in members]) is None:
             repaired_links.update((one.link.name, one) for one in changed)
         else:
-            moves = "does not move, but" if fixed_bodies == {body} else "moves, but cannot be simulated:"
-            _refuse(f"link `{body}` {moves} {fault}", worst, [link for link, _ in members], method, report)
+            kind = "fixed" if fixed_bodies == {body} else "moving"
+            _refuse(f"the inertia of the {kind} link `{body}` is invalid: {fault}", worst, [link for link, _ in members], method, report)
     links = tuple(_repaired_link(repaired_links[link.name]) if link.name in repaired_links else link for link in robot.links)
     return replace(robot, links=links), tuple(repaired_links.values())
 
@@ -104,13 +104,13 @@ def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
     """Return the reason why simulators reject the inertia of a moving body, or None if the inertia is valid."""
     body = _whole(members)
     if body.mass <= LEAST_MASS:
-        return "it has no mass"
+        return "the mass is 0"
     moments = principal_moments(body.inertia)
     if moments[0] <= 0.0 and max(map(abs, moments)) == 0.0:
-        return "it has no inertia"
+        return "the inertia is 0"
     fault = physical_fault(body.inertia)
     if fault is None and moments[0] < LEAST_MOMENT:
-        return f"its smallest moment of inertia is {moments[0]:.3g} kg m^2, but simulators require {LEAST_MOMENT:g}"
+        return f"the smallest moment ({moments[0]:.3g} kg m^2) is below the minimum of simulators ({LEAST_MOMENT:g} kg m^2)"
     return fault
 
 
@@ -130,13 +130,13 @@ def _refuse(message: str, worst: Sequence[SourceLink], members: Sequence[SourceL
     first = worst[0]
     where = first.where if first.weight is None else first.weight.where
     help = {
-        None: "correct the mass or the inertia, or import the robot with `--repair inertia=nearest` or `--repair inertia=shapes`",
-        "shapes": "the link has no closed shapes from which the inertia could be computed: use `--repair inertia=nearest`",
-        "nearest": "write the mass and the inertia of these links into the file",
+        None: "correct the inertia, or use `--repair inertia=nearest` or `--repair inertia=shapes`",
+        "shapes": "use `--repair inertia=nearest` for links without closed shapes",
+        "nearest": "write the mass and the inertia of the links into the file",
     }[method]
     notes = [
         Note(
-            message=f"`{link.name}` is fixed to this link{', and has no physical inertia either' if link in worst else ''}",
+            message=f"`{link.name}` is fixed to the link{' and also has an invalid inertia' if link in worst else ''}",
             span=link.where,
         )
         for link in members if link is not first and link.weight is not None
@@ -215,7 +215,7 @@ def warn_of_mirror_pairs(robot: SourceRobot, report: Report) -> None:
                 report.warn(
                     Code.SOURCE_DOUBT, f"`{link.name}` and `{other.name}` have different {quantity}", other.weight.where,
                     notes=[Note(message=f"`{link.name}` is defined here", span=link.weight.where)],
-                    help="if the two links are mirror images, correct one of the links",
+                    help="correct one of the links, if the links are mirror images",
                 )
 
 

@@ -65,8 +65,8 @@ def warn_of_units(robot: SourceRobot, files: Mapping[str, bytes], paths: Mapping
         if size > LARGE and size > SUSPECT * reach > 0.0:
             report.warn(
                 Code.SOURCE_DOUBT,
-                f"`{shape.mesh}` reaches {size:.3g} m from its origin, but no joint is more than {reach:.3g} m from the previous joint",
-                shape.where, help='the numbers in the file are probably in millimetres: write scale="0.001 0.001 0.001"',
+                f"the size of `{shape.mesh}` ({size:.3g} m) is implausible for joints at distances of at most {reach:.3g} m",
+                shape.where, help='for a mesh in millimetres, write scale="0.001 0.001 0.001"',
             )
             return
 

@@ -67,14 +67,14 @@ class Packages:
         if scheme in ("package", "model") and inside and name != "..":
             places = self._folders(name)
             fault = self._unknown(name) if not places else NotFound(
-                f"the package `{name}` has no `{inside}`; looked in {_format_paths(places)}", f"specify its folder: `--package {name}=DIR`",
+                f"the package `{name}` does not contain `{inside}` (searched: {_format_paths(places)})", f"use `--package {name}=DIR`",
             )
             named = [os.path.join(place, inside) for place in places]
         else:
             rest = unquote(rest) if scheme == "file" else rest.lstrip("/") if scheme else rest
             named = [os.path.join(self.folder, rest)]
             fault = NotFound(
-                f"there is no file `{uri}`; looked for {_format_paths(named)}", "specify a folder that has it: `--mesh-root DIR`"
+                f"there is no file `{uri}` (searched: {_format_paths(named)})", "specify the folder of the file: `--mesh-root DIR`"
             )
         words = [word for word in rest.split("/") if word not in ("", ".", "..")]
         named += [os.path.join(self.given[word], *words[k:]) for k, word in enumerate(words[:-1], 1) if word in self.given]
@@ -84,8 +84,8 @@ class Packages:
                 if any(within(path, folder) for folder in (*self.allowed, *filter(_is_package, places))):
                     return _file(path, uri)
                 fault = NotFound(
-                    f"`{uri}` is outside the robot's folder, `{shown_path(self.home)}`, and not in a known package",
-                    "if you trust the file, specify a folder that contains it: `--mesh-root DIR`, or `--package NAME=DIR`",
+                    f"`{uri}` is outside the robot's folder (`{shown_path(self.home)}`)",
+                    "specify the folder of a trusted file: `--mesh-root DIR`, or `--package NAME=DIR`",
                 )
         slashed = uri.replace("\\", "/")
         raise fault if slashed == uri else NotFound(str(fault), f"write `/` between folders: `{slashed}`")
@@ -109,7 +109,7 @@ class Packages:
 
     def _unknown(self, name: str) -> NotFound:
         looked = _format_paths([*dict.fromkeys(self._places(name))])
-        return NotFound(f"there is no package `{name}`; looked for {looked}", f"specify its folder: `--package {name}=DIR`")
+        return NotFound(f"there is no package `{name}` (searched: {looked})", f"specify the folder of the package: `--package {name}=DIR`")
 
     def _folders(self, name: str) -> list[str]:
         """Return the existing folders that may contain a package, in order of precedence."""
@@ -169,9 +169,10 @@ def _file(path: str, uri: str) -> str:
     try:
         state = os.stat(path)
     except (OSError, ValueError):
-        raise NotFound(f"there is no file `{uri}`; looked for `{shown_path(path)}`") from None
+        raise NotFound(f"there is no file `{uri}` (searched: `{shown_path(path)}`)") from None
     if not stat.S_ISREG(state.st_mode):
         raise NotFound(f"`{uri}` is not a file")
     if state.st_size > MOST_BYTES:
-        raise NotFound(f"`{uri}` has {state.st_size:,} bytes, but at most {MOST_BYTES:,} are supported", "use a mesh with fewer facets")
+        message = f"the size of `{uri}` ({state.st_size:,} bytes) exceeds the maximum ({MOST_BYTES:,} bytes)"
+        raise NotFound(message, "use a mesh with fewer facets")
     return path

@@ -50,7 +50,7 @@ class Includes:
                 except NotFound as fault:
                     uri = self.values.place(child, "uri")
                     if element.tag == "world":  # the included model may be the sun or the ground
-                        self.report.warn(Code.SOURCE_DOUBT, f"this is not imported: {fault}", uri, help="remove models that are scenery")
+                        self.report.warn(Code.SOURCE_DOUBT, f"a model is not imported: {fault}", uri, help="remove models of scenery")
                     else:
                         self.report.add(Code.SOURCE_FILE, str(fault), uri, help=fault.help)
             elif child.tag in ("world", "model"):
@@ -66,10 +66,10 @@ class Includes:
         if "placement_frame" in overrides and "pose" not in overrides:
             self.values.fault(include, None, "an `<include>` with `<placement_frame>` requires `<pose>`", "write <pose>0 0 0 0 0 0</pose>")
         if include.attributes.get("merge", "").strip() in ("1", "true"):
-            self.values.fault(include, "merge", "`merge` is not supported", "to merge the models, run `gz sdf -p FILE > robot.sdf`")
+            self.values.fault(include, "merge", "`merge` is not supported", "run `gz sdf -p FILE > robot.sdf` to merge the models")
         if len(self.roots) > MOST_INCLUDES:
-            message = f"the file includes more than {MOST_INCLUDES} models, or a model that includes itself"
-            self.values.fault(include, None, message, "include a model that does not include this one")
+            message = f"the number of included models exceeds the maximum ({MOST_INCLUDES})"
+            self.values.fault(include, None, message, "remove cyclic includes")
         uri = self.values.word(include, "uri")
         if uri is None or len(self.report.diagnostics) > error_count:
             return None
@@ -186,7 +186,7 @@ class _Sdf:
         version = root.attributes.get("version", "").strip()
         match = _VERSION.fullmatch(version)
         if match is None or not 4 <= int(match[1]) <= 12:
-            help = "to convert an old file, run `gz sdf -p FILE`"
+            help = "run `gz sdf -p FILE` to convert an old file"
             self.values.fault(root, "version", f"`version` of `<sdf>`: expected 1.4 to 1.12, found `{version}`", help)
         return match is not None and int(match[1]) <= 4
 
@@ -205,7 +205,7 @@ class _Sdf:
         names = ", ".join(f"`{one.attributes.get('name', '')}`" for one in robots[:6]) or "none"
         self.report.add(
             Code.SOURCE_TREE, f"expected one model that is not static, found {names}", (robots[1] if robots else self.root).where,
-            help="a document contains one robot: split the file" if robots else None,
+            help="split the file into one file for each robot" if robots else None,
         )
         return None
 
@@ -227,7 +227,7 @@ class _Sdf:
 
     def _weight(self, inertial: SourceElement) -> MassProperties | None:
         if inertial.attributes.get("auto", "").strip().lower() in ("1", "true"):
-            help = "write `<mass>` and `<inertia>` of the link; `gz sdf -p FILE` computes them"
+            help = "write the `<mass>` and `<inertia>` that `gz sdf -p FILE` computes"
             self.values.fault(inertial, "auto", "automatic inertias are not supported", help)
             return None
         pose, moments = self.frames.read_pose(inertial), self.values.one(inertial, "inertia")
@@ -241,7 +241,7 @@ class _Sdf:
         form = None if geometry is None else next(iter(geometry.children), None)
         if form is None:
             help = "write <geometry><box><size>...</size></box></geometry>"
-            self.values.fault(geometry or element, None, f"this `<{element.tag}>` has no geometry", help)
+            self.values.fault(geometry or element, None, f"`<{element.tag}>` has no geometry", help)
             return None
         relative = next((one for one in element.all("pose") if one.attributes.get("relative_to", "").strip()), None)
         if relative is not None:
@@ -285,14 +285,14 @@ class _Sdf:
         element, kind = frame.element, self.values.word(frame.element, "type")
         ends = {side: end for side in ("parent", "child") if (end := self._end(frame, side)) is not None}
         if kind is not None and kind not in KINDS:
-            known = f"joints of type `{kind}` are not supported" if kind in OTHER_KINDS else f"SDF has no joint type `{kind}`"
+            known = f"joints of type `{kind}` are not supported" if kind in OTHER_KINDS else f"unknown joint type `{kind}`"
             self.values.fault(element, "type", known, did_you_mean(kind, KINDS, what="kinds") or f"write one of {', '.join(KINDS)}")
             return
         if kind is None or len(ends) < 2:
             return
         parent, child = ends["parent"], ends["child"]
         if parent == child:
-            self.values.fault(element, None, f"parent and child of this joint are both on link `{child}`", "connect two links")
+            self.values.fault(element, None, f"the parent and the child of a joint are both on link `{child}`", "connect two links")
             return
         parent_pose = NO_POSE if parent == WORLD else self.frames.poses[parent]
         pose, names = _clean(parent_pose.inverse() @ self.frames.poses[child]), self._coordinates(key)
@@ -304,9 +304,9 @@ class _Sdf:
             joint = joints[number]
             if joint is not None and joint.ends.lower is not None and joint.ends.lower == joint.ends.upper:
                 if joint.ends.lower != 0.0:
-                    message = f"`lower` and `upper` are both {joint.ends.lower:g}: this joint cannot move and cannot be at 0"
+                    message = f"`lower` and `upper` of joint `{names[number]}` are both {joint.ends.lower:g}"
                     self.values.fault(element, None, message, "use the type `fixed`, or correct the limits of the joint")
-                what = f"the type of joint `{names[number]}`, whose limits are both 0"
+                what = f"the type of joint `{names[number]}` with limits of 0"
                 self.losses.note(what, "imported as a fixed joint", element.where)
                 joint = None
             yield source_model.Attachment(
@@ -326,12 +326,12 @@ class _Sdf:
         key = key_of(name, frame.scope)
         if key not in self.frames.named:
             links = [key_of_frame for key_of_frame, other in self.frames.named.items() if other.element.tag in ("link", "frame")]
-            message = f"the {side} of this joint is `{name}`, but the model has no link or frame with this name"
+            message = f"the {side} `{name}` of a joint is not a link or frame of the model"
             self.values.fault(frame.element, side, message, did_you_mean(name, links, what="links"))
             return None
         link = self.frames.link_of(key)
         if link is None:
-            self.values.fault(frame.element, side, f"the {side} of this joint is `{name}`, which is not on a link")
+            self.values.fault(frame.element, side, f"the {side} `{name}` of a joint is not on a link")
         return link
 
     def _joint(self, name: str, key: str, kind: source_model.Kind, tag: str) -> source_model.SourceJoint | None:
@@ -343,7 +343,7 @@ class _Sdf:
             return source_model.SourceJoint(name=key, kind=kind, axis=(0.0, 0.0, 1.0), anchor=_clean(at).translation, where=element.where)
         axis = self.values.one(element, tag)
         if axis is None:
-            message = f"this joint is `{element.attributes['type']}` and has no `<{tag}>`"
+            message = f"a `{element.attributes['type']}` joint requires `<{tag}>`"
             self.values.fault(element, None, message, f"write <{tag}><xyz>...</xyz></{tag}>")
             return None
         direction = self._direction(axis, key, frame, to_child)
@@ -376,7 +376,7 @@ class _Sdf:
         tag = "thread_pitch" if older else "screw_thread_pitch"
         pitch = self.values.number(screw, tag)
         if pitch == 0.0:
-            self.values.fault(screw, tag, f"`{tag}` of this screw is 0", "use the type `revolute`, or write the travel per turn")
+            self.values.fault(screw, tag, f"`{tag}` of a screw must not be 0", "use the type `revolute`, or write the travel per turn")
         return -2.0 * math.pi / pitch if older and pitch else pitch or 0.0
 
     def _direction(self, axis: SourceElement, key: str, frame: NamedFrame, to_child: Pose) -> Vector:
@@ -399,7 +399,7 @@ class _Sdf:
             for key in ("lower", "upper", "effort", "velocity")
         )
         if (lower is None) != (upper is None):
-            self.losses.note("a single limit of a joint", "the other limit is missing, but a joint needs both or none", limit.where)
+            self.losses.note("a single limit of a joint", "the other limit is missing", limit.where)
             lower = upper = None
         if lower is not None and upper is not None and lower > upper:
             self.values.fault(
@@ -478,7 +478,7 @@ class _Sdf:
         kind = "fixed" if joint is None else "continuous" if joint.kind == "revolute" else joint.kind
         if kind == "screw":
             help = "change the type of one joint of the loop"
-            message = f"all joints of the loop that joint `{attachment.name}` closes are screws"
+            message = f"all joints in the loop of joint `{attachment.name}` are screws"
             self.report.add(Code.SOURCE_TREE, message, attachment.where, help=help)
         assert kind != "planar"
         assert kind != "free"

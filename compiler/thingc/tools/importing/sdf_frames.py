@@ -62,8 +62,8 @@ class Frames:
             key = key_of(name, scope)
             if key in self.named or not key or key == WORLD:
                 notes = [Note(message="the first element is here", span=self.named[key].element.place("name"))] if key in self.named else []
-                what = f"two elements of this model are named `{name}`" if notes else f"`{name}` is a reserved name of SDF"
-                self.values.report.add(Code.SOURCE_TREE, what, child.place("name"), notes=notes, help="rename it")
+                what = f"two elements of the model are named `{name}`" if notes else f"`{name}` is a reserved name of SDF"
+                self.values.report.add(Code.SOURCE_TREE, what, child.place("name"), notes=notes, help="rename the element")
                 continue
             self.named[key] = NamedFrame(element=child, scope=scope)
             if child.tag == "model":
@@ -99,7 +99,7 @@ class Frames:
         if key and key not in self.named:
             inside = [one.removeprefix(f"{scope}::") for one, frame in self.named.items() if frame.scope == scope]
             help = did_you_mean(name, inside, what="names")
-            self.values.fault(element, attribute, f"there is no link, joint, frame or model `{name}` here", help)
+            self.values.fault(element, attribute, f"there is no link, joint, frame or model `{name}`", help)
             return scope
         return key
 
@@ -109,9 +109,9 @@ class Frames:
         while key not in self.poses:
             if key in way:
                 circle = format_cycle([*way][[*way].index(key) :])
-                message = f"poses are relative to each other in a cycle: {circle}"
+                message = f"the poses form a cycle: {circle}"
                 self.values.report.add(
-                    Code.SOURCE_TREE, message, way[key].element.where, help="make one of these poses relative to the model",
+                    Code.SOURCE_TREE, message, way[key].element.where, help="make one of the poses relative to the model",
                 )
                 self.poses[key] = NO_POSE
                 break

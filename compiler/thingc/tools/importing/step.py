@@ -228,11 +228,10 @@ class StepDocuments:
         unknown = {self.files[number]: part.material for number, part in enumerate(self.assembly.parts) if self._material(part) == UNKNOWN}
         if unknown:
             parts = quote_names([f"{file} ({material})" if material else file for file, material in unknown.items()], 8)
-            yield f"no density in the file, assumed {UNKNOWN_DENSITY:g} kg/m^3, see `{UNKNOWN}` in {MATERIALS}: {parts}"
+            yield f"assumed density of {UNKNOWN_DENSITY:g} kg/m^3 (`{UNKNOWN}` in {MATERIALS}) for {parts}"
         for number, part in enumerate(self.assembly.parts):
             if len(part.colors) > 1:
-                what = f"{len(part.colors)} colours: only the colour of the largest area, {part.colors[0]}, was imported"
-                yield f"parts/{self.files[number]}.step: faces of {what}"
+                yield f"parts/{self.files[number]}.step: imported only the colour {part.colors[0]} of {len(part.colors)} colours"
         yield from (f"shape `{name}` without solids: omitted" for name in self.assembly.left_out)
 
     def _record(self, notes: tuple[str, ...]) -> bytes:

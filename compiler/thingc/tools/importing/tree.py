@@ -26,7 +26,7 @@ def root_of(links: Sequence[SourceLink], attachments: Sequence[Attachment], wher
     """
     before = len(report.diagnostics)
     if len(links) > MOST_LINKS:
-        report.add(Code.SOURCE_TREE, f"the robot has {len(links):,} links, but at most {MOST_LINKS:,} are supported", where)
+        report.add(Code.SOURCE_TREE, f"the number of links ({len(links):,}) exceeds the maximum ({MOST_LINKS:,})", where)
         return None
     named = _distinct("links", links, report)
     _distinct("joints", attachments, report)
@@ -34,7 +34,7 @@ def root_of(links: Sequence[SourceLink], attachments: Sequence[Attachment], wher
     for one in attachments:
         for side, name in (("parent", one.parent), ("child", one.child)):
             if name not in named:
-                message = f"the {side} of joint `{one.name}` is the link `{name}`, which does not exist"
+                message = f"the {side} link `{name}` of joint `{one.name}` does not exist"
                 report.add(Code.SOURCE_TREE, message, one.ends.get(side, one.where), help=did_you_mean(name, named, what="links"))
         other = above.setdefault(one.child, one)
         if other is not one:
@@ -44,7 +44,7 @@ def root_of(links: Sequence[SourceLink], attachments: Sequence[Attachment], wher
                 help="remove one of the two joints, and close the loop in the document with `loop: true`",
             )
     if not links:
-        report.add(Code.SOURCE_TREE, "the robot has no link", where)
+        report.add(Code.SOURCE_TREE, "the robot has no links", where)
     if len(report.diagnostics) > before:
         return None
     _circles(named, above, report)
@@ -52,9 +52,9 @@ def root_of(links: Sequence[SourceLink], attachments: Sequence[Attachment], wher
     if len(roots) > 1:
         names = quote_names([link.name for link in roots], 6)
         report.add(
-            Code.SOURCE_TREE, f"the robot has {len(roots)} roots (links without a parent): {names}", roots[1].where,
-            notes=[Note(message="the first root is here", span=roots[0].where)],
-            help="connect the root links by a joint, or split the file into one file for each robot",
+            Code.SOURCE_TREE, f"the robot has {len(roots)} links without a parent ({names})", roots[1].where,
+            notes=[Note(message="the first link without a parent is here", span=roots[0].where)],
+            help="connect the links by a joint, or split the file into one file for each robot",
         )
     return roots[0].name if len(report.diagnostics) == before else None
 
@@ -71,8 +71,8 @@ def warn_of_depth(robot: SourceRobot, report: Report) -> None:
             there = depth + bool(one.joints and not joins)
             if there > MOST_BELOW:
                 report.warn(
-                    Code.SOURCE_DOUBT, f"link `{one.child}` is number {there} in a chain of moving links, but MuJoCo supports at most "
-                    f"{MOST_BELOW}", one.where, help="write only URDF or SDF files of this robot, because MuJoCo cannot load it",
+                    Code.SOURCE_DOUBT, f"the chain of links to `{one.child}` ({there} links) exceeds the maximum of MuJoCo ({MOST_BELOW})",
+                    one.where, help="write only URDF or SDF files of the robot",
                 )
                 return
             waiting.append((one.child, there))
@@ -105,13 +105,13 @@ def check_mimics(attachments: Sequence[Attachment], moving: Set[str], report: Re
     follows = {joint.name: joint.follows for one in attachments for joint in one.joints if joint.follows is not None}
     for circle in find_cycles(follows, lambda name: follows[name].joint if name in follows else None):
         if len(circle) > 1:
-            message = f"joints mimic each other in a cycle: {format_cycle(circle)}"
-            report.add(Code.SOURCE_VALUE, message, follows[circle[0]].where, help="remove `mimic` from one of these joints")
+            message = f"the mimics of joints form a cycle: {format_cycle(circle)}"
+            report.add(Code.SOURCE_VALUE, message, follows[circle[0]].where, help="remove `mimic` from one of the joints")
     for joint in (joint for one in attachments for joint in one.joints):
         if joint.follows is None or joint.name != joint.follows.joint and joint.follows.joint in moving:
             continue
         leader = joint.follows.joint
-        problem = "itself" if leader == joint.name else f"`{leader}`, which is not a moving joint"
+        problem = "itself" if leader == joint.name else f"`{leader}`, not a moving joint"
         help = did_you_mean(leader, sorted(moving - {joint.name}), what="joints")
         report.add(Code.SOURCE_VALUE, f"joint `{joint.name}` mimics {problem}", joint.follows.where, help=help)
 
@@ -122,7 +122,7 @@ def _distinct(kind: str, things: Sequence[Named], report: Report) -> dict[str, N
     for thing in things:
         if first.setdefault(thing.name, thing) is not thing:
             notes = [Note(message="the first element is here", span=first[thing.name].where)]
-            report.add(Code.SOURCE_TREE, f"two {kind} are named `{thing.name}`", thing.where, notes=notes, help="rename one of the two")
+            report.add(Code.SOURCE_TREE, f"two {kind} are named `{thing.name}`", thing.where, notes=notes, help=f"rename one of the {kind}")
     return first
 
 
@@ -144,5 +144,5 @@ def downwards(root: str, attachments: Iterable[Attachment]) -> Iterator[Attachme
 def _circles(named: dict[str, SourceLink], above: dict[str, Attachment], report: Report) -> None:
     """Report an error for each cycle of links. The location of the error is the joint of the first link of the cycle."""
     for upwards in find_cycles(named, lambda name: above[name].parent if name in above else None):
-        help = "make one of these links the root, or attach one of them to a link outside the cycle"
+        help = "remove one of the joints of the cycle, or attach a link of the cycle to another link"
         report.add(Code.SOURCE_TREE, f"links form a cycle: {format_cycle(upwards[::-1])}", above[upwards[-1]].where, help=help)

@@ -101,7 +101,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
     except FileNotFoundError:
         old_content, ours = None, earlier.text
     except (OSError, UnicodeDecodeError):
-        message = f"cannot read `{shown_path(path)}`, which the last import wrote"
+        message = f"cannot read the imported file `{shown_path(path)}`"
         report.add(Code.OUTPUT, message, None, help="fix or delete the file")
         return None
     texts = [text for one in (earlier.text, new, ours) if (text := read_text(path, one, report)) is not None]
@@ -142,16 +142,16 @@ def _changed_meshes(earlier: PreviousImport, meshes: Mapping[str, bytes], report
         elif after != before:
             report.add(
                 Code.SOURCE_CONFLICT,
-                f"`{name}` has changed both in this folder and in the source: thingc keeps the version in this folder", None,
-                help="to use the version of the source, delete the file and import again",
+                f"`{name}` has changed in the folder and in the source", None,
+                help="delete the file and import again to use the version of the source",
             )
     return written
 
 
 def _say_conflicts(one: Merged, after: Text, report: Report) -> None:
     for path, ours, new in one.conflicts:
-        message = f"`{format_path(path)}` is {ours} in the document and {new} in the source: thingc does not change the document"
-        help = "write the correct value: both the document and the source have changed since the last import"
+        message = f"`{format_path(path)}` is {ours} in the document and {new} in the source"
+        help = "write the correct value in the document"
         report.add(Code.SOURCE_CONFLICT, message, span_at(after.tree, path), help=help)
 
 

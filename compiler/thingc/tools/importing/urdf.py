@@ -19,6 +19,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.inertia import MassProperties
+from thingc.base.one_line_repr import format_count
 from thingc.base.pose import NO_POSE
 from thingc.base.source import line_of
 from thingc.base.suggestions import did_you_mean
@@ -93,15 +94,15 @@ class _Urdf:
         name = self.root.attributes.get("name", "").strip()
         if not name:
             name = os.path.splitext(os.path.basename(self.root.where.file))[0]
-            self.losses.note("`name` of `<robot>`", f"missing; the name of the file (`{name}`) is used", self.root.where)
+            self.losses.note("`name` of `<robot>`", f"missing (the name of the file is used: `{name}`)", self.root.where)
         links = tuple(link for element in self.root.all("link") if (link := self._link(element)) is not None)
         attachments = tuple(attachment for element in self.root.all("joint") if (attachment := self._attachment(element)) is not None)
-        unknown = "both values are treated as unknown; the joint has a drive only if the file defines a drive elsewhere"
+        unknown = "both values are treated as unknown"
         for limit in self.unlimited:
             self.losses.note("`effort` and `velocity` of a joint, both 0", unknown, limit.where)
         for limit in self.unlimited[:1]:
-            message = f"`effort` and `velocity` are both 0 in this joint and {len(self.unlimited) - 1} others: {unknown}"
-            help = 'write the limits of the motor of this joint, for example effort="10" velocity="5"'
+            message = f"`effort` and `velocity` are both 0 in {format_count(len(self.unlimited), 'joint')}"
+            help = 'write the limits of the motor, for example effort="10" velocity="5"'
             self.report.warn(Code.SOURCE_DOUBT, message, limit.place("effort"), help=help)
         check_mimics(attachments, self.moving, self.report)
         self.losses.unread(self.root, ATTRIBUTES, INSIDE, {}, [one.where for one in self.root.children if one.tag in TAGS])
@@ -192,7 +193,7 @@ class _Urdf:
         forms = [] if geometry is None else [form for form in geometry.children if form.tag in INSIDE["geometry"]]
         if geometry is None or not geometry.children:
             help = 'write <geometry><box size="..."/></geometry>'
-            self.values.fault(geometry or element, None, f"this `<{element.tag}>` has no geometry", help)
+            self.values.fault(geometry or element, None, f"`<{element.tag}>` has no geometry", help)
         if not forms:
             return None
         shape = self.values.shape(element, forms[0], "filename", pose, self.losses)
@@ -211,7 +212,7 @@ class _Urdf:
             return self._rgba(material)
         if name not in self.colors:
             self.colors[name] = None
-            self.losses.note(f"material `{name}`", "the file does not define it", material.where)
+            self.losses.note(f"material `{name}`", "the file does not define the material", material.where)
             help = did_you_mean(name, self.materials, what="materials")
             self.report.warn(Code.SOURCE_DOUBT, f"material `{name}` is not defined", material.place("name"), help=help)
         first = self.materials.get(name, material)
@@ -230,7 +231,7 @@ class _Urdf:
         ends = {side: end for side in ("parent", "child") if (end := self._end(element, side)) is not None}
         pose, rpy = self.values.origin(element)
         if kind is not None and kind not in KINDS:
-            self.values.fault(element, "type", f"URDF has no joint type `{kind}`", did_you_mean(kind, KINDS, what="kinds"))
+            self.values.fault(element, "type", f"unknown joint type `{kind}`", did_you_mean(kind, KINDS, what="kinds"))
             return None
         joint = None if name is None or kind is None else self._joint(element, name, kind)
         if name is None or kind is None or len(ends) < 2:
@@ -244,7 +245,7 @@ class _Urdf:
     def _end(self, element: SourceElement, side: str) -> str | None:
         end = self.values.one(element, side)
         if end is None:
-            self.values.fault(element, None, f"this joint has no `<{side}>`", f'write <{side} link="..."/>')
+            self.values.fault(element, None, f"`<joint>` has no `<{side}>`", f'write <{side} link="..."/>')
             return None
         return self.values.word(end, "link")
 
@@ -287,8 +288,8 @@ class _Urdf:
         if joint is None or multiplier is None or offset is None:
             return None
         if joint not in self.moving:
-            self.losses.note(f"the mimic of `{joint}` by joint `{name}`", "omitted, because the other joint does not move", mimic.where)
-            message = f"joint `{name}` mimics `{joint}`, which is not a moving joint: `mimic` is omitted"
+            self.losses.note(f"the mimic of `{joint}` by joint `{name}`", "the other joint does not move", mimic.where)
+            message = f"joint `{name}` mimics `{joint}`, not a moving joint"
             help = did_you_mean(joint, sorted(self.moving - {name}), what="joints")
             self.report.warn(Code.SOURCE_DOUBT, message, mimic.place("joint"), help=help)
             return None
@@ -299,7 +300,7 @@ class _Urdf:
         if limit is None:
             if kind in ("revolute", "prismatic") and not follows:
                 help = 'write <limit lower="..." upper="..." effort="..." velocity="..."/>'
-                self.values.fault(element, None, f"this joint is `{kind}` and has no `<limit>`", help)
+                self.values.fault(element, None, f"a `{kind}` joint requires `<limit>`", help)
             return source_model.SourceLimits()
         effort, velocity = (self.values.from_zero(limit, key) if key in limit.attributes else None for key in ("effort", "velocity"))
         lower, upper = self.values.number(limit, "lower", 0.0), self.values.number(limit, "upper", 0.0)
@@ -316,7 +317,7 @@ class _Urdf:
         if lower == upper:
             if kind == "prismatic" and not follows:
                 help = "use the type `fixed`, or correct the limits of the joint"
-                self.values.fault(limit, None, f"`lower` and `upper` are both {lower:g}: this joint cannot move", help)
+                self.values.fault(limit, None, f"`lower` and `upper` of a joint are both {lower:g}", help)
             elif not follows:
                 what = f"`lower` and `upper` of a joint, both {lower:g}"
                 self.losses.note(what, "read as a joint without limits, as in simulators", limit.where)
@@ -391,7 +392,7 @@ def _uses_all_arguments(arguments: Mapping[str, str], files: Sequence[str], repo
     known = {name for text in texts for pattern in _ARGUMENTS for name in pattern.findall(text)}
     for name in [name for name in arguments if name not in known]:
         help = did_you_mean(name, sorted(known), what="arguments") or "remove the option"
-        report.add(Code.COMMAND_LINE, f"--arg {name}: the file has no such argument", None, help=help)
+        report.add(Code.COMMAND_LINE, f"--arg: the file has no argument `{name}`", None, help=help)
     return known >= arguments.keys()
 
 

@@ -81,7 +81,7 @@ class Blocks:
         here = f"of `<gazebo reference=\"{name}\">`"
         links, joints = ([one.attributes.get("name") for one in self.root.all(tag)] for tag in ("link", "joint"))
         if name not in links and name not in joints:
-            self.losses.note(f"`<gazebo reference=\"{name}\">`", "there is no such link or joint", block.where)
+            self.losses.note(f"`<gazebo reference=\"{name}\">`", "the link or joint does not exist", block.where)
             return
         first, second = (next(block.all(tag), None) for tag in ("mu1", "mu2"))
         slides = [None if one is None else self._from_zero(one) for one in (first, second)]
@@ -152,8 +152,8 @@ class Blocks:
         """
         joints = [one.attributes.get("name", "") for one in self.root.all("joint")]
         if name not in joints:
-            self.losses.note(f"the drive of joint `{name}`", "there is no such joint", block.where)
-            message = f"this element drives joint `{name}`, which does not exist"
+            self.losses.note(f"the drive of joint `{name}`", "the joint does not exist", block.where)
+            message = f"the driven joint `{name}` does not exist"
             self.values.report.warn(Code.SOURCE_DOUBT, message, block.place("name"), help=did_you_mean(name, joints, what="joints"))
         return name in joints
 
@@ -207,7 +207,7 @@ class Blocks:
         elif not others and name not in self.transmissions:
             self.transmissions[name] = made
         elif [(one.joints, one.matrix) for one in others] != [(named, matrix)]:
-            why = "another transmission has its name or drives its joints"
+            why = "another transmission has the same name or joints"
             self.losses.note(f"the reductions of transmission `{name}`", why, block.where)
 
     def _reduction(self, element: SourceElement, tag: str) -> float:
@@ -220,7 +220,7 @@ class Blocks:
         if kinds & {"position", "velocity"} and "effort" not in kinds:
             kind = "position" if "position" in kinds else "velocity"
             what = f"the {kind} command interface of joint `{name}`"
-            self.losses.note(what, "the controller defines the gains; the joint gets a motor", joint.where)
+            self.losses.note(what, "the gains of the controller are unknown", joint.where)
 
     def _mujoco(self, block: SourceElement) -> None:
         for one in block.children:

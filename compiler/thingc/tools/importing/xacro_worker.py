@@ -87,9 +87,9 @@ class _Expanding:
             xacro.process_doc(document, mappings=arguments, verbosity=0)
             return {"text": document.documentElement.toxml(), "files": self.files, "packages": self.found}
         except expat.ExpatError as fault:
-            return {"fault": f"this is not well-formed XML: {expat.ErrorString(fault.code)}", "file": self.files[-1], "line": fault.lineno}
+            return {"fault": f"invalid XML: {expat.ErrorString(fault.code)}", "file": self.files[-1], "line": fault.lineno}
         except MemoryError:
-            return {"fault": "the file needs too much memory", "file": self.path, "line": 1}
+            return {"fault": "the file requires too much memory", "file": self.path, "line": 1}
         except RecursionError:
             return {"fault": "the file has infinite recursion", "file": self.path, "line": 1}
         except Exception as fault:  # expressions can raise any exception

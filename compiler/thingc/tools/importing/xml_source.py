@@ -80,7 +80,7 @@ def read_robot(path: str, data: bytes, report: Report, tag: str, form: str, *, f
     root = read_xml(path, data, report, files=files)
     if root is None or root.tag == tag:
         return root
-    message = f"{form} file starts with `<{tag}>`, but this file starts with `<{root.tag}>`"
+    message = f"expected the first element `<{tag}>` of {form} file, found `<{root.tag}>`"
     report.add(Code.SOURCE_XML, message, root.where, help=f"use a robot file: `.{form.split()[-1].lower()}`")
     return None
 
@@ -92,13 +92,13 @@ def read_xml(path: str, data: bytes, report: Report, *, files: Sequence[str] = (
     text, the source locations are in the xacro files `files`.
     """
     if len(data) > MOST_BYTES:
-        report.add(Code.SOURCE_XML, f"the file has more than {MOST_BYTES:,} bytes", line_of(path), help="reduce its size")
+        report.add(Code.SOURCE_XML, f"the file has more than {MOST_BYTES:,} bytes", line_of(path), help="reduce the size of the file")
         return None
     try:
         reading = _Reading(path, utf8_of(data), report, files)
     except (ValueError, LookupError) as fault:
         line = data.count(b"\n", 0, getattr(fault, "start", 0)) + 1
-        help = "save the file as UTF-8, or declare its encoding in the first line"
+        help = "save the file as UTF-8, or declare the encoding in the first line"
         report.add(Code.SOURCE_XML, f"cannot decode the file: {fault}", line_of(path, line), help=help)
         return None
     try:
@@ -107,8 +107,8 @@ def read_xml(path: str, data: bytes, report: Report, *, files: Sequence[str] = (
         return None
     except expat.ExpatError as fault:
         report.add(
-            Code.SOURCE_XML, f"this is not well-formed XML: {expat.ErrorString(fault.code)}", _span(path, fault.lineno, fault.offset + 1),
-            help="fix the error at this line; `xmllint FILE` reports all errors. A file that is not UTF-8 must declare its encoding",
+            Code.SOURCE_XML, f"invalid XML: {expat.ErrorString(fault.code)}", _span(path, fault.lineno, fault.offset + 1),
+            help="run `xmllint FILE` to list all errors, or declare the encoding of the file",
             notes=[Note(message=f"`<{one.tag}>` is opened here", span=one.where) for one in reading.open[-1:]],
         )
         return None
@@ -154,7 +154,7 @@ class _Reading:
         if len(self.open) >= MOST_LEVELS:
             self._refuse(f"elements nest more than {MOST_LEVELS} levels deep", "reduce the nesting")
         if self.count > MOST_ELEMENTS:
-            self._refuse(f"the file has more than {MOST_ELEMENTS:,} elements", "split it")
+            self._refuse(f"the file has more than {MOST_ELEMENTS:,} elements", "split the file")
         where, source, start = self._span_at(len(tag) + 1), self.data, self.parser.CurrentByteIndex
         mark = attributes.pop(MARK, "").split(":") if self.files else []
         if len(mark) == 4 and all(one.isdecimal() for one in mark) and int(mark[0]) < len(self.files):
@@ -173,11 +173,11 @@ class _Reading:
             self.open[-1].texts.append(text)
 
     def _entity(self, name: str, *rest: object) -> None:
-        self._refuse(f"the file declares the entity `{name}`", "entities are not supported: replace the entity by its value")
+        self._refuse(f"the XML entity `{name}` is not supported", "replace the entity by its value")
 
     def _doctype(self, name: str, system: str | None, public: str | None, internal: bool) -> None:
         if system or public:
-            self._refuse(f"the file requires another file, `{system or public}`", "remove its `<!DOCTYPE ...>`")
+            self._refuse(f"the external file `{system or public}` is not supported", "remove `<!DOCTYPE ...>`")
 
 
 class Losses:

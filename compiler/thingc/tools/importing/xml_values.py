@@ -97,12 +97,12 @@ class Values:
                 self.fault(element, None, f"`<{element.tag}>` has no `{attribute}`", help)
             return default
         words = text.split()
-        expected = "a number" if count == 1 else f"{count} numbers separated by spaces"
+        finite = "finite " if any(word.lower().lstrip("+-") in NOT_FINITE for word in words) else ""
+        expected = f"a {finite}number" if count == 1 else f"{count} {finite}numbers separated by spaces"
         wrong = next((word for word in words if not _NUMBER.fullmatch(word)), None)
         if wrong is not None or len(words) != count:
-            found = "nothing" if not words else f"`{wrong}`" if wrong is not None else f"{len(words)} of them" if count > 1 else f"`{text}`"
-            finite = ", all finite" if wrong is not None and wrong.lower().lstrip("+-") in NOT_FINITE else ""
-            self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: expected {expected}{finite}, found {found}")
+            found = "nothing" if not words else f"`{wrong}`" if wrong is not None else f"{len(words)}" if count > 1 else f"`{text}`"
+            self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: expected {expected}, found {found}")
             return None
         values = tuple(float(word) for word in words)
         if not all(map(math.isfinite, values)):
@@ -129,7 +129,7 @@ class Values:
         x, y, z = self.vector(axis, attribute, default)
         length = hypot(x, y, z)
         if length == 0.0:
-            self.fault(axis, attribute, "the axis of this joint is 0 0 0, which is not a direction", "write, for example, 0 0 1")
+            self.fault(axis, attribute, "the axis of a joint must not be 0 0 0", "write, for example, 0 0 1")
             return default
         return (x, y, z) if abs(length - 1.0) < 1e-15 else (x / length, y / length, z / length)
 
@@ -147,7 +147,7 @@ class Values:
         if "quat_xyzw" not in origin.attributes or quaternion is None:
             return make_pose(xyz, rpy), rpy
         if "rpy" in origin.attributes:
-            self.fault(origin, "quat_xyzw", "this `<origin>` has both `rpy` and `quat_xyzw`", "remove `rpy` or `quat_xyzw`")
+            self.fault(origin, "quat_xyzw", "`<origin>` has both `rpy` and `quat_xyzw`", "remove `rpy` or `quat_xyzw`")
         return Pose(translation=xyz, rotation=self.rotation(origin, "quat_xyzw", quaternion)), None
 
     def rotation(self, element: SourceElement, attribute: str, quaternion: Sequence[float]) -> Matrix:
@@ -157,7 +157,7 @@ class Values:
         """
         length = hypot(*quaternion)
         if length == 0.0:
-            self.fault(element, attribute, "the quaternion of this pose is 0 0 0 0, which is not a rotation", "write 0 0 0 1")
+            self.fault(element, attribute, "the quaternion of a pose must not be 0 0 0 0", "write 0 0 0 1")
             return IDENTITY
         i, j, k, w = (one / length for one in quaternion)
         return rotation_of((w, i, j, k))
@@ -169,7 +169,7 @@ class Values:
         """
         found = [*element.all(tag)]
         if len(found) > 1:
-            self.fault(found[1], None, f"a second `<{tag}>` in this `<{element.tag}>`", "remove one of the two elements")
+            self.fault(found[1], None, f"`<{element.tag}>` has more than one `<{tag}>`", "remove one of the two elements")
         return found[0] if found else None
 
     def shape(self, element: SourceElement, form: SourceElement, file: str, pose: Pose, losses: Losses) -> SourceShape | None:

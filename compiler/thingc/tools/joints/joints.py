@@ -154,7 +154,7 @@ def write_joints(
     rigid = [one.name for one in accepted if any(one.parent in group and one.child in group for group in groups)]
     if rigid:
         message = f"the parts of the proposed joint `{rigid[0]}` are rigidly connected by other contacts"
-        help = "accept other proposals together with this joint, or write the joint into the document by hand"
+        help = "accept other proposals too, or write the joint into the document by hand"
         return EditResult(found=(UserError(message, help).diagnostic,))
     try:
         values, removed, changes = _edits(proposed, accepted, groups)
@@ -173,7 +173,7 @@ def _refuse_copies(document: Document, values: Mapping[Keys, Written]) -> None:
     """Raise `CannotSetValue` for a component that is not in the text of the document, because `repeat` creates it."""
     for keys in values:
         if keys[0] == "components" and not isinstance(node_at(document.tree, keys[:2]), MappingNode):
-            raise CannotSetValue(document, keys[:2], "is a copy of a repeated component: write the copies as separate components")
+            raise CannotSetValue(document, keys[:2], "is a copy of a repeated component")
 
 
 def _edits(

@@ -71,9 +71,9 @@ def _outline(up: Vector, levels: dict[float, list[tuple[float, TopoDS_Face]]]) -
     thickness = upper[-1][0] - lower[0][0]
     lower_area = sum(area_and_centre(face)[0] for _, face in lower)
     if sum(area_and_centre(face)[0] for at, face in upper if upper[-1][0] - at <= LEVEL) < lower_area / 2.0:
-        return Sheet(reason="less than half of it has the full thickness")
+        return Sheet(reason="it has the full thickness in less than half of its area")
     if thickness > math.sqrt(lower_area) / 2.0:
-        return Sheet(reason=f"it is {thickness:.6g} mm thick, and its largest face has only {lower_area:.6g} mm^2")
+        return Sheet(reason=f"it is too thick for its area ({thickness:.6g} mm for {lower_area:.6g} mm^2)")
     onto = gp_Trsf()
     onto.SetTransformation(gp_Ax3(gp_Pnt(), gp_Dir(*up), gp_Dir(*_across(up))))
     cut = _edges((face for _, face in lower), TopLoc_Location(onto))

@@ -69,15 +69,15 @@ def losses(robot: Robot, target: str, framework: str, motions: frozenset[str], *
     for one in driven_joints(robot, lambda joint: joint.path, motions):
         for key, what in EFFECTS.items():
             if getattr(one.drive, key) and not (delays and key == "delay"):
-                yield Loss(target, None, one.joint.path, f"{what} of this drive", "omitted", one.drive.origin)
+                yield Loss(target, None, one.joint.path, f"{what} of the drive", "omitted", one.drive.origin)
     for body in robot.bodies:
         if body.joints and joint_cell(body.joints[0].kind) not in motions:
             joint = body.joints[0]
-            what = f"the configuration of this {joint.kind.name} joint, which {framework} does not support"
+            what = f"the configuration of the {joint.kind.name} joint: not supported by {framework}"
             yield Loss(target, None, robot.assembly.mates[joint.mate].name or joint.path, what, "omitted", joint.origin)
     for tendon in robot.assembly.tendons:
         if tendon.path in robot.pulled:
-            yield Loss(target, None, tendon.path, "the configuration of the drive of this tendon", "omitted", tendon.origin)
+            yield Loss(target, None, tendon.path, "the configuration of the tendon drive", "omitted", tendon.origin)
     for magnet in robot.assembly.adhesions:
         origin = robot.assembly.occurrences[magnet.occurrence].origin
-        yield Loss(target, None, magnet.path, "the configuration of this magnet", "omitted", origin)
+        yield Loss(target, None, magnet.path, "the configuration of the magnet", "omitted", origin)

@@ -25,7 +25,7 @@ def emit(request: EmitRequest) -> Artifacts:
     for robot in request.robots:
         found_losses |= dict.fromkeys(losses(robot, "isaaclab", "Isaac Lab", MOTIONS))
         if robot.base in ("planar", "ball"):
-            what = f"the {robot.base} base, which is not part of the articulation"
+            what = f"the {robot.base} base: not part of the articulation"
             found_losses[Loss("isaaclab", robot.mode.name, robot.mode.name, what, "omitted", robot.mode.origin)] = None
     return Artifacts(files={f"isaaclab/{file_name(robot)}.py": _module(robot) for robot in request.robots}, losses=tuple(found_losses))
 

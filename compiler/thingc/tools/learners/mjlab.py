@@ -64,7 +64,7 @@ def _lost_sensors(robot: Robot) -> Iterator[Loss]:
     """Yield an export loss for each sensor of a drive, if mjlab attaches the model to a body that places its base."""
     for sensor in robot.assembly.sensors:
         if sensor.kind == "drive" and sensor.joint in robot.present and robot.base not in ("free", "held"):
-            what = "this sensor, which mjlab removes because it adds the drive later"
+            what = "the sensor: mjlab adds the drive later"
             yield Loss("mjlab", robot.mode.name, sensor.path, what, "omitted", sensor.origin)
 
 

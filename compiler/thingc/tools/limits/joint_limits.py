@@ -187,11 +187,11 @@ def movable_joints(robot: Robot, patterns: Sequence[str]) -> list[JointEdge]:
     matches = {word: [name for name in movable if name == word or fnmatchcase(name, word)] for word in patterns}
     unknown = next((word for word, names in matches.items() if not names), None)
     if unknown is not None:
-        raise UnknownChoice(f"there is no joint `{unknown}` that can be moved", did_you_mean(unknown, list(movable), what="joints"))
+        raise UnknownChoice(f"there is no movable joint `{unknown}`", did_you_mean(unknown, list(movable), what="joints"))
     chosen = {name: joint for name, joint in movable.items() if not patterns or any(name in names for names in matches.values())}
     for name, joint in chosen.items():
         if not joint.twist.turns and (joint.limit.lower is None or joint.limit.upper is None):
-            raise UnknownChoice(f"joint `{name}` slides without limits", f"add `limit` to joint `{name}`, or name other joints")
+            raise UnknownChoice(f"the sliding joint `{name}` has no limits", f"add `limit` to joint `{name}`, or select other joints")
     return list(chosen.values())
 
 

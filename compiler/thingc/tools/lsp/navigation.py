@@ -120,7 +120,7 @@ def prepare_rename(analysis: Analysis, text: str, place: TextPlace, params: Any)
     names, name = found
     check_renamable(names.workspace_index, name.name)
     if name.role == "fits":
-        raise RenameRefused(f"`{name.name.text}` only matches the pattern here: rename the element at its definition")
+        raise RenameRefused(f"`{name.name.text}` matches a pattern and cannot be renamed here")
     return {"range": names.range(name.span), "placeholder": name.name.text}
 
 

@@ -149,7 +149,7 @@ class Tools:
         if self._trusted or command == "explain":
             return []
         if command == "render":
-            message = "`render` must run the code of parts, but the folder is not trusted"
+            message = "`render` requires a trusted folder"
             raise console.WrongCommandLine(message, "start the server with --trusted")
         return ["--no-code"]
 
@@ -174,8 +174,8 @@ class Tools:
             raise console.WrongCommandLine("a path contains the character U+0000", "remove the character")
         inside = os.path.relpath(os.path.realpath(os.path.join(self._folder, path)), self._folder)
         if inside.split(os.sep)[0] == os.pardir:
-            message = f"`{path}` is outside the folder of the server, `{self._folder}`"
-            raise console.WrongCommandLine(message, "use a file in this folder", Code.OUTSIDE_WORKSPACE)
+            message = f"`{path}` is outside the folder of the server (`{self._folder}`)"
+            raise console.WrongCommandLine(message, "use a file in the folder of the server", Code.OUTSIDE_WORKSPACE)
         return inside
 
 

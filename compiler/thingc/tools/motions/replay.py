@@ -91,7 +91,7 @@ class Replay:
         others = {path for path in (*robot.present, *robot.pulled) if kinds[path] != "position"}
         if others and robot.base == "free":
             raise UnknownChoice(
-                f"drive `{min(others)}` is a {kinds[min(others)]} drive, whose commands are unknown in a mode with a free base",
+                f"the commands of {kinds[min(others)]} drive `{min(others)}` are unknown in a mode with a free base",
                 "use position drives, or a mode with a fixed base",
             )
         rows = {at: row for row, at in enumerate(self.times.tolist())}
@@ -132,7 +132,7 @@ class Replay:
         """
         if (count := (self.times[-1] - self.times[0]) / self.model.opt.timestep) > MOST_STEPS:
             hint = "use a shorter motion, or a larger `timestep` in the section `simulation`"
-            raise UnknownChoice(f"the motion takes {count:.6g} time steps, but at most {MOST_STEPS} can be written", hint)
+            raise UnknownChoice(f"the number of time steps ({count:.6g}) exceeds the maximum ({MOST_STEPS})", hint)
         steps = [(data.time, data.qpos[self.places].copy(), self.at(self.positions, data.time)[self.places]) for data in self.simulate()]
         times, tracked, commanded = (np.array(column) for column in zip(*steps, strict=True))
         return times + self.times[0], tracked, commanded
@@ -147,7 +147,7 @@ class Replay:
 
         with warnings.catch_warnings(action="ignore"):
             if not glfw.init():
-                raise UnknownChoice("the viewer of MuJoCo needs a display", "use `--csv FILE`, which needs no window")
+                raise UnknownChoice("the viewer of MuJoCo requires a display", "use `--csv FILE`")
         display_data = mujoco.MjData(self.model)
         with viewer.launch_passive(self.model, display_data) as window:
             while window.is_running():

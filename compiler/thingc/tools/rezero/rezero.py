@@ -93,8 +93,8 @@ def rezero(
 
 
 def _warn_unchanged(calibration: Document) -> Diagnostic:
-    message = f"`{calibration.relative}` also contains these joints, but was not changed"
-    help = f"if the file belongs to this robot, use `--calibration {shown_path(calibration.path)}`; otherwise, edit the file by hand"
+    message = f"the calibration `{calibration.relative}` of the same joints was not changed"
+    help = f"use `--calibration {shown_path(calibration.path)}`, or edit the file by hand"
     span = calibration.span(("joints",), key=True)
     return Diagnostic(code=Code.COMMAND_LINE, severity=Severity.WARNING, message=message, help=help, span=span)
 
@@ -142,7 +142,7 @@ def _documents_with(root: Document, shifts: Sequence[JointShift]) -> Iterator[Do
         if documents.root.kind == "variants":
             for keys, node in walk(documents.root.tree):
                 if any(f"joints.{shift.joint}." in str(keys[-1:]) for shift in shifts):
-                    message = f"`{documents.root.relative}` may set values of these joints"
+                    message = f"`{documents.root.relative}` may set values of the changed joints"
                     raise ShiftRefused(message, "edit both documents by hand", span=node.span)
 
 
@@ -186,7 +186,7 @@ def _compare(document: Document, old: Compilation, new: Compilation, shift: Join
         for pose, before, after in _states(one, other, shift, moved):
             difference = math.inf if after is None else _largest_difference(occurrence_poses(one, *before), occurrence_poses(other, *after))
             if difference > (CLOSED if one.closures else ALIKE):
-                message = f"the robot would change by {difference:.3g} in {f'pose `{pose}` of ' if pose else ''}mode `{one.mode.name}`"
+                message = f"the links would move by {difference:.3g} in {f'pose `{pose}` of ' if pose else ''}mode `{one.mode.name}`"
                 raise ShiftRefused(message, f"set `{shift.joint}` in all poses first", span=document.span(("poses", pose) if pose else ()))
 
 

@@ -48,15 +48,15 @@ def find_joint(document: Document, model: AssemblyDefinition, shift: JointShift)
         component, _, suffix = name.partition(".")
         inner = node_at(document.tree, ("components", component, "assembly"))
         if suffix and isinstance(inner, ScalarNode):
-            message = f"joint `{suffix}` is defined in `{inner.text}`, and the change would apply to every component that uses it"
+            message = f"joint `{suffix}` is defined in the nested document `{inner.text}`"
             path = shown_path(os.path.normpath(os.path.join(os.path.dirname(document.path), inner.text)))
             raise ShiftRefused(message, f"use `thingc rezero {path} {suffix}=...`", span=inner.span)
         if joint is None and node is None:
             help = did_you_mean(name, entries_of(node_at(document.tree, ("joints",))), what="joints")
             raise ShiftRefused(f"there is no joint `{name}`", help)
-        raise ShiftRefused(f"`{name}` is repeated, or has several coordinates", "edit its values by hand", span=span)
+        raise ShiftRefused(f"joint `{name}` is repeated or has several coordinates", "edit the values of the joint by hand", span=span)
     if joint.twist is None:
-        raise ShiftRefused(f"joint `{name}` is {joint.kind.words} and does not move", "choose a joint that moves", span=span)
+        raise ShiftRefused(f"joint `{name}` does not move ({joint.kind.words})", "choose a joint that moves", span=span)
     expected = joint.twist.coordinate
     if shift.zero.value and shift.zero.dimension != expected:
         help = f"write, for example, `{name}={expected.example}`"
@@ -159,7 +159,7 @@ class ShiftEdits:
         mimic = node_at(self.document.tree, path)
         if joint.name.number is not None or mimic is None or joint.mimic is None:
             span = self.document.span(path[:2] if mimic is None else path, key=True)
-            raise ShiftRefused(f"`{joint.name}` is repeated, or has several coordinates", "edit its `mimic` by hand", span=span)
+            raise ShiftRefused(f"joint `{joint.name}` is repeated or has several coordinates", "edit `mimic` by hand", span=span)
         terms = entries_of(mimic).get("polynomial")
         keys = [(*path, "offset"), (*path, "multiplier")]
         if isinstance(terms, SequenceNode):
@@ -272,7 +272,7 @@ class ShiftEdits:
             key = next((key for key in entries_of(node) if key in (OF_ZERO if self.shift.sign > 0 else OF_DIRECTION)), None)
             if key is not None and words & names:
                 message = f"the raw attribute `{key}` may depend on the coordinate of joint `{self.shift.joint}`"
-                raise ShiftRefused(message, "remove it, or edit the document by hand", span=self.document.span(("raw", *path, key)))
+                raise ShiftRefused(message, "edit the document by hand", span=self.document.span(("raw", *path, key)))
 
 
 def calibration_edits(calibrated: Sequence[CalibratedJoint], shifts: Sequence[JointShift]) -> Edits:

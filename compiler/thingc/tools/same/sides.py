@@ -45,7 +45,7 @@ def read_side(laid: Checkout, options: Options, source: ImportRequest = NO_MESHE
                 raise UnknownComparison(str(fault), REBUILD) from fault
             return mechanism_of_mode(os.path.basename(laid.path), next(iter(modes.values())))
         case "lock":
-            raise UnknownComparison(f"`{laid.path}` is a lock file, which contains no joints", "compare documents or build folders")
+            raise UnknownComparison(f"the lock file `{laid.path}` does not contain joints", "compare documents or build folders")
         case "model":
             return read_completely(laid, options, lambda: _import(laid.path, options, source))
         case _:

@@ -38,9 +38,9 @@ def as_text(result: MechanismComparison) -> Iterator[str]:
         yield f"  joint zeros that cannot be determined from axes or masses: {some(free, SHOWN)}"
     least = "" if result.complete else "at least "
     if result.assignments > 1:
-        yield f"  ambiguous: {least}{result.assignments} assignments of links and joints are possible; this one keeps the most names"
+        yield f"  ambiguous: {least}{result.assignments} assignments of links and joints are possible"
     elif result.maps > 1:
-        yield f"  ambiguous: {least}{result.maps} combinations of joint zeros and signs are possible; this one changes the fewest"
+        yield f"  ambiguous: {least}{result.maps} combinations of joint zeros and signs are possible"
     mass, centre, inertia = (max(getattr(one, key) for one in result.links) for key in ("mass", "centre", "inertia"))
     yield (
         f"  agreement of {format_count(len(result.links), 'link')}: mass {_format_tolerance(100.0 * mass, '%')}, "

@@ -146,7 +146,7 @@ class _Narrowing:
             description = f"`{pieces[0].name}` ({pieces[0].label})" if len(pieces) == 1 else f"`{pieces[0].label}`"
             yield {
                 "pattern": rf"{other}|^{names}\.({'|'.join(mounts)})$|{OPEN}",
-                "patternErrorMessage": f"{description} has no such mount; it has {quote_names(mounts, 12)}",
+                "patternErrorMessage": f"unknown mount of {description}; available mounts: {quote_names(mounts, 12)}",
             }
 
     # --- materials ---------------------------------------------------------------------------------------------

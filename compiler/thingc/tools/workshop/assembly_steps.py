@@ -201,7 +201,7 @@ class _Planner:
                 step = AssemblyStep(pieces=(leaves[0],), directions=(None,), blocked=self._blocking_names(leaves[0], present))
                 listed = next((other for other in present if other.rank >= 0 and other.name in step.blocked), None)
                 if leaves[0].rank >= 0 and listed is not None:
-                    message = f"`{leaves[0].name}` cannot be added after `{listed.name}`, which is in its way"
+                    message = f"`{listed.name}` blocks the insertion of `{leaves[0].name}`"
                     help = f"list `{leaves[0].name}` before `{listed.name}`, or remove `{leaves[0].name}` from the list"
                     self._report.add(Code.ASSEMBLY_ORDER, message, leaves[0].listed, help=help)
             removed.append(step)
@@ -217,7 +217,7 @@ class _Planner:
         allowed = [piece for piece in leaves if _is_last(piece, present)]
         if not allowed:
             leaf, carrier = next((leaf, one) for leaf in leaves for one in _carriers(leaf) if one.rank > leaf.rank)
-            message, help = f"`{leaf.name}` is listed before `{carrier.name}`, which carries it", f"list `{carrier.name}` first"
+            message, help = f"`{leaf.name}` is listed before the supporting component `{carrier.name}`", f"list `{carrier.name}` first"
             self._report.add(Code.ASSEMBLY_ORDER, message, leaf.listed, help=help)
         return allowed or leaves
 

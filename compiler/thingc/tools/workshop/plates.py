@@ -103,7 +103,7 @@ def prints_of(assembly: Assembly, store: Store, bed: Sequence[float], report: Re
         assert isinstance(first.component.definition, PartDefinition) and first.record is not None
         mesh = first.record.meshes["print"]
         if not mesh.closed:
-            what = f"the surface of `{first.definition.label}` is not closed, so it has no volume to print"
+            what = f"the surface of `{first.definition.label}` is not closed"
             losses.append(Loss("3mf", None, first.path, what, "approximated", first.origin))
         label = name if names.count(name) == 1 else first.component.definition.stem
         up, stl = direction_up(first, store), store.read(mesh.sha256)
@@ -124,9 +124,9 @@ def _must_rotate(vertices: NDArray[np.float64], label: str, first: Occurrence, b
         return True
     report.add(
         Code.PRINT_SIZE,
-        f"`{label}` does not fit on the print bed: expected at most {bed_x - GAP:.6g} x {bed_y - GAP:.6g} x {bed_z:.6g} mm, "
-        f"found {x - GAP:.6g} x {y - GAP:.6g} x {z:.6g} mm", first.origin, path=first.path,
-        help="set `bed` in `thingc.toml` to the size of the printer, or print the part in another direction: `print: {up: ...}`",
+        f"`{label}` ({x - GAP:.6g} x {y - GAP:.6g} x {z:.6g} mm) does not fit on the print bed "
+        f"({bed_x - GAP:.6g} x {bed_y - GAP:.6g} x {bed_z:.6g} mm)", first.origin, path=first.path,
+        help="correct `bed` in `thingc.toml`, or print the part in another direction: `print: {up: ...}`",
     )
     return None
 

@@ -6,7 +6,7 @@ from thingc.base.diagnostics import Code
 from thingc.base.inertia import total
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.centre import KIND, CentreCheck
-from thingc.driver.testing.outcomes import ROUNDING, Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
+from thingc.driver.testing.outcomes import ABOVE, BELOW, ROUNDING, Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.model.robot.kinematics import occurrence_poses
 
 
@@ -17,7 +17,7 @@ def measure(case: TestCase, check: CentreCheck) -> Outcome:
     body = total(robot.assembly.occurrences[index].properties.seen_from(poses[index]) for index in case.components(check.of))
     expected: dict[str, Measure] = {axis: list(box) for axis, box in check.box.items()}
     if body.mass <= 0.0:
-        weightless = Failure(code=Code.TEST_CENTRE, key="of", message="the components have no mass and thus no centre of mass")
+        weightless = Failure(code=Code.TEST_CENTRE, key="of", message="the mass of the components is 0")
         return Outcome(measured={"mass": 0.0}, expected=expected, summary="no mass", failure=weightless)
     centre = body.centre
     if check.frame is not None:
@@ -29,11 +29,10 @@ def measure(case: TestCase, check: CentreCheck) -> Outcome:
         value = centre["xyz".index(axis)]
         if low - ROUNDING <= value <= high + ROUNDING:
             continue
-        bound, required = (low, "at least") if value < low else (high, "at most")
+        bound, required = (low, BELOW) if value < low else (high, ABOVE)
         failures.append(Failure(
             code=Code.TEST_CENTRE, key=f"within.{axis}.{0 if value < low else 1}",
-            message=f"the {axis} coordinate of the centre of mass is {format_si(value, LENGTH)}, but must be {required} "
-            f"{Quantity(bound, LENGTH)}: the difference is {format_si(abs(value - bound), LENGTH)}",
+            message=f"{axis} of the centre of mass ({format_si(value, LENGTH)}) {required} ({Quantity(bound, LENGTH)})",
         ))
     text = "  ".join(f"{1000.0 * v:z.1f}" for v in centre)
     failure = None

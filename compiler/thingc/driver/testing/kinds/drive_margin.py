@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from thingc.base.diagnostics import Code
+from thingc.base.diagnostics import Code, Note
 from thingc.base.numeric import inf, isfinite, minimum, round_significant, sum_of
 from thingc.base.pose import Pose
 from thingc.base.units import ANGULAR_VELOCITY, FORCE, TORQUE, VELOCITY
 from thingc.documents.checks.drive_margin import KIND, DriveCheck
 from thingc.driver.testing.kinds.torque_margin import SLACK, driven_elements
-from thingc.driver.testing.outcomes import Failure, Outcome, TestCase, TestMeasurement, format_si
+from thingc.driver.testing.outcomes import BELOW, Failure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.model.assembly.types import JointEdge, LinkedTendon
 from thingc.model.dynamics.inertial_loads import inertial_loads
 from thingc.model.dynamics.motion_curve import MotionCurve, with_closed_loops
@@ -61,14 +61,13 @@ def measure(case: TestCase, check: DriveCheck) -> Outcome:
     failure: Failure | None = None
     if worst.stuck is not None:
         failure = Failure(
-            code=Code.TEST_DRIVE, key="motion", help="add a drive to the joint, or use a mode with a drive of this joint",
-            message=f"the drives cannot follow the motion: no drive moves joint `{worst.stuck.replace('/', '.')}`",
+            code=Code.TEST_DRIVE, key="motion", help="add a drive to the joint, or use a mode in which the joint has a drive",
+            message=f"no drive moves joint `{worst.stuck.replace('/', '.')}`",
         )
     elif worst.margin < check.minimum:
         failure = Failure(
-            code=Code.TEST_DRIVE, key="min",
-            message=f"drive `{drive.name}` needs {needed} at {time_text}, and can provide {available} at {speed_text}: "
-            f"the margin is {worst.margin:.3g}, but at least {check.minimum:g} is required",
+            code=Code.TEST_DRIVE, key="min", message=f"the margin of drive `{drive.name}` ({worst.margin:.3g}) {BELOW} ({check.minimum:g})",
+            notes=(Note(message=f"required: {needed} at {time_text}; available: {available} at {speed_text}"),),
         )
     summary = f"margin {worst.margin:.3g} at {drive.name}: {needed} of {available} at {speed_text} and {time_text}"
     summary += f" (at least {check.minimum:g})"

@@ -11,7 +11,7 @@ from thingc.base.pose import Pose
 from thingc.base.primitives import Primitive
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.ground_clearance import KIND, GroundClearance
-from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
+from thingc.driver.testing.outcomes import BELOW, Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.geometry.store.meshes import vertices
 from thingc.model.assembly.types import Occurrence, Surface
 from thingc.model.robot.floor_height import DECIMALS, ROUNDING, of_box, of_points, vertices_of
@@ -26,15 +26,15 @@ def measure(case: TestCase, check: GroundClearance) -> Outcome:
     expected: dict[str, Measure] = {"at_least": check.least, "plane": check.plane}
     heights = sorted(_heights(case, check))
     if not heights:
-        shapeless = Failure(code=Code.TEST_CLEARANCE, key="except", message="none of the parts in this test has a shape")
+        shapeless = Failure(code=Code.TEST_CLEARANCE, key="except", message="no part in the test has a shape")
         return Outcome(expected=expected, summary="no shape", failure=shapeless)
     (height, name), *others = ((height, path.replace("/", ".")) for height, path in heights)
     failure: Failure | None = None
     if height < check.least:
-        other_notes = [Note(message=f"`{other}` is also {_format_height(low)}") for low, other in others if low < check.least]
+        other_notes = [Note(message=f"`{other}` is {_format_height(low)}") for low, other in others if low < check.least]
         failure = Failure(
             code=Code.TEST_CLEARANCE, key="at_least", notes=tuple(first_notes(other_notes, LISTED, "more part")),
-            message=f"the lowest point of `{name}` is {_format_height(height)}, but at least {Quantity(check.least, LENGTH)} is required",
+            message=f"the ground clearance of `{name}` ({format_si(height, LENGTH)}) {BELOW} ({Quantity(check.least, LENGTH)})",
             help=f"if this is intended, add `except: [{name}]`",
         )
     return Outcome(

@@ -11,7 +11,7 @@ from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.no_collision import KIND, CollisionCheck
 from thingc.driver.testing.certificate import Certificate
 from thingc.driver.testing.collisions import SEARCH_DISTANCE, Collisions, NearPair, collisions_of, names_of, skipped_text
-from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
+from thingc.driver.testing.outcomes import BELOW, Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.driver.testing.poses import joints_text, sweep_poses
 from thingc.driver.testing.references import first_overlaps
 from thingc.model.assembly.types import Assembly, LinkedTest
@@ -110,14 +110,14 @@ def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> N
     if not any(outcome.measured.get("pairs", True) for outcome in outcomes):
         help = None
         if check.certify == "references":
-            help = "use `certify: true`, because the mounts at these joints do not specify parts with `align`"
+            help = "use `certify: true`, or add `align` to the mounts of the joints"
         name, origin = linked.test.name, linked.test.origin
         report.warn(Code.TEST_EMPTY, f"test `{name}` compares no parts", origin, path=f"tests.{name}", help=help)
     needed = {number for outcome in outcomes for number in outcome.needed}
     for number, allowance in enumerate(check.allow):
         if number not in needed:
             report.warn(
-                Code.TEST_ALLOWANCE, f"test `{linked.test.name}` allows {allowance.text} to collide, but they never collide",
+                Code.TEST_ALLOWANCE, f"the allowance of {allowance.text} in test `{linked.test.name}` is unused",
                 allowance.origin, path=f"tests.{linked.test.name}", help="remove the pair from `allow`",
                 notes=[Note(message=f"reason for the allowance: {allowance.reason}")],
             )
@@ -144,7 +144,7 @@ def _failure(
     also = [Note(message=f"also {text}") for text in texts]
     notes = first_notes(also, LISTED, "more pair")
     notes += [
-        Note(message=f"the surface of `{path.replace('/', '.')}` is not closed: the convex hull of the mesh is used instead")
+        Note(message=f"the surface of `{path.replace('/', '.')}` is not closed (the convex hull of the mesh is used)")
         for path in collisions.hulls if path in (assembly.occurrences[worst_pair.one].path, assembly.occurrences[worst_pair.other].path)
     ]
     names = ", ".join(assembly.occurrences[index].name for index in (worst_pair.one, worst_pair.other))
@@ -152,8 +152,9 @@ def _failure(
     if certificate is not None and certificate.references is not None:
         pairs = {(pair.one, pair.other): pair for pair in certificate.pairs}
         begins = first_overlaps(case.robot, case.frames[0], check.ranges, [pairs[near.one, near.other] for near in worst])
-        location, help = (f" at {begins[0]}", begins[1]) if begins is not None else (location, help)
         notes = [*certificate.references[worst_pair.one, worst_pair.other], *notes]
+        if begins is not None:
+            location, help, notes = f" at {begins[0]}", begins[2], [Note(message=begins[1]), *notes]
     elif (worst_pair.one, worst_pair.other) in collisions.close:
         help = f"{allow_hint(Code.OVERLAP)} in one of the two components"
     return Failure(
@@ -165,9 +166,9 @@ def _failure(
 def _describe_pair(assembly: Assembly, pair: NearPair, clearance: float) -> str:
     text = names_of(assembly, pair.one, pair.other, "`")
     if pair.gap > 0.0:
-        return f"{text} are {format_si(pair.gap, LENGTH)} apart, but at least {Quantity(clearance, LENGTH)} is required"
+        return f"the gap between {text} ({format_si(pair.gap, LENGTH)}) {BELOW} ({Quantity(clearance, LENGTH)})"
     if pair.depth == 0.0:
-        return f"{text} touch, but a gap of {Quantity(clearance, LENGTH)} is required"
+        return f"the gap between {text} (0 mm) {BELOW} ({Quantity(clearance, LENGTH)})"
     return f"{text} overlap by {format_si(pair.depth, LENGTH)} on average ({float(f'{1e9 * pair.volume:.3g}'):g} mm^3)"
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from thingc.base.diagnostics import Code, Note
 from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.documents.checks.point import KIND, PointCheck
-from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
+from thingc.driver.testing.outcomes import ABOVE, Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.driver.testing.poses import joints_text
 from thingc.driver.testing.reach_search import nearest
 
@@ -21,7 +21,7 @@ def measure(case: TestCase, check: PointCheck) -> Outcome:
     expected = {"distance": check.within} | ({"angle": check.angle} if check.direction is not None else {})
     failure: Failure | None = None
     if best is None:
-        failure = Failure(code=Code.TEST_POINT, key="at", message="the loops of the robot did not close in any position that was tried")
+        failure = Failure(code=Code.TEST_POINT, key="at", message="the loops of the robot do not close in any tested position")
         return Outcome(expected=expected, summary="no position", failure=failure)
     distance, angle, joints = best
     summary = f"{format_si(distance, LENGTH)} from the point ({target}"
@@ -34,14 +34,14 @@ def measure(case: TestCase, check: PointCheck) -> Outcome:
     if distance > check.within:
         failure = Failure(
             code=Code.TEST_POINT, key="at", notes=notes,
-            message=f"the smallest distance between `{check.mount.text}` and the point is {format_si(distance, LENGTH)}, but at most "
-            f"{Quantity(check.within, LENGTH)} is allowed",
+            message=f"the distance from `{check.mount.text}` to the point ({format_si(distance, LENGTH)}) {ABOVE} "
+            f"({Quantity(check.within, LENGTH)})",
         )
     elif check.direction is not None and angle > check.angle:
         failure = Failure(
             code=Code.TEST_POINT, key="direction", notes=notes,
-            message=f"`{check.mount.text}` reaches the point, but its direction is wrong by at least {format_si(angle, ANGLE)}; "
-            f"at most {Quantity(check.angle, ANGLE)} is allowed",
+            message=f"the direction error of `{check.mount.text}` at the point ({format_si(angle, ANGLE)}) {ABOVE} "
+            f"({Quantity(check.angle, ANGLE)})",
         )
     return Outcome(measured={**measured, "joints": joints}, expected=expected, summary=f"{summary})", failure=failure)
 

@@ -24,8 +24,7 @@ def measure(case: TestCase, check: ReachCheck) -> Outcome:
     if robot is None:
         return open_loops_outcome()
     best, joints = farthest(robot, case.linked.mounts[check.of], case.linked.mounts[check.base], case.linked.test.origin)
-    label = "the reach over the ranges of all joints"
-    outcome = check_bounds("reach", label, best, check.minimum, check.maximum, LENGTH, Code.TEST_REACH)
+    outcome = check_bounds("reach", "the reach", best, check.minimum, check.maximum, LENGTH, Code.TEST_REACH)
     position_text = joints_text(assembly, joints)
     if outcome.failure is not None:
         note = Note(message=f"joint values of the farthest position: {position_text}") if position_text else None

@@ -8,7 +8,7 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.numeric import maximum
 from thingc.base.units import LENGTH, TIME, Quantity
 from thingc.documents.checks.settles import KIND, SettleCheck
-from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
+from thingc.driver.testing.outcomes import ABOVE, Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.driver.testing.settle_simulation import SettleResult, simulate
 from thingc.targets.mjcf import emit as mjcf
 from thingc.targets.mjcf.compat import separator
@@ -51,21 +51,19 @@ def _compare(check: SettleCheck, motion: SettleResult) -> Outcome:
         summary = f"not at rest after {check.within:g} s"
         failure = Failure(
             code=Code.TEST_SETTLES, key="within",
-            message=f"after {Quantity(check.within, TIME)} the robot still moves by {format_si(drift, LENGTH)} in "
-            f"{Quantity(check.hold, TIME)}, but at most {Quantity(check.drift, LENGTH)} is allowed",
+            message=f"the drift of the robot after {Quantity(check.within, TIME)} ({format_si(drift, LENGTH)}) {ABOVE} "
+            f"({Quantity(check.drift, LENGTH)})",
         )
     elif check.moved is not None and moved > check.moved:
         failure = Failure(
             code=Code.TEST_SETTLES, key="moved",
-            message=f"the robot comes to rest {moved_text} away from the pose of the test, but at most "
-            f"{Quantity(check.moved, LENGTH)} is allowed",
+            message=f"the distance between the start and the rest position ({moved_text}) {ABOVE} ({Quantity(check.moved, LENGTH)})",
         )
     elif deepest > check.penetration:
         failure = Failure(
             code=Code.TEST_SETTLES, key="penetration",
-            message=f"the contacts of the robot are {depth} deep at rest, but at most {Quantity(check.penetration, LENGTH)} is allowed",
-            help="start the mode on the floor (`at: {on: floor}`) and without overlaps, or, for soft contacts, "
-            "increase `penetration`",
+            message=f"the penetration depth of the contacts ({depth}) {ABOVE} ({Quantity(check.penetration, LENGTH)})",
+            help="start the mode on the floor (`at: {on: floor}`), or increase `penetration`",
         )
     return Outcome(measured=measured, expected=expected, summary=summary, failure=failure)
 
@@ -73,7 +71,7 @@ def _compare(check: SettleCheck, motion: SettleResult) -> Outcome:
 def _divergence(time: float) -> Outcome:
     return Outcome(measured={"diverged": time}, summary=f"diverges after {time:.3g} s", failure=Failure(
         code=Code.TEST_SETTLES, key="", message=f"the simulation diverges after {time:.3g} s",
-        help="reduce `timestep` under `simulation`, or look for parts that overlap in the pose",
+        help="reduce `timestep` under `simulation`, or change the pose if parts overlap",
     ))
 
 

@@ -17,7 +17,7 @@ from thingc.base.one_line_repr import format_count
 from thingc.base.pose import Pose, Vector, add_scaled, cross, dot, rotate
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.stack import KIND, StackCheck
-from thingc.driver.testing.outcomes import ROUNDING, Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
+from thingc.driver.testing.outcomes import ABOVE, BELOW, ROUNDING, Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.model.assembly.interfaces import mount_name
 from thingc.model.assembly.kinematics import neighbourhood, on_loops
 from thingc.model.assembly.mass import process_of
@@ -40,24 +40,24 @@ def measure(case: TestCase, check: StackCheck) -> Outcome:
     path = _path(robot.assembly, base.occurrence, end.occurrence)
     closed = {joint.path for mate in path for joint in mate.joints} & on_loops(len(robot.assembly.occurrences), robot.assembly.mates)
     if closed:
-        message = f"joint `{sorted(closed)[0].replace('/', '.')}` is in a closed loop, but thingc cannot compute deviations in loops"
+        message = f"joint `{sorted(closed)[0].replace('/', '.')}` is in a closed loop"
         failure = Failure(code=Code.TEST_STACK, key="of", message=message, help="use two mounts that are connected without a closed loop")
         return Outcome(summary="closed loop", failure=failure)
     contributions = list(_contributions(robot, case.frames[0], check.along, base, end, path))
     if not contributions:
-        message = "none of the parts, joints and fits between the mounts has a tolerance"
+        message = "no part, joint or fit between the mounts has a tolerance"
         failure = Failure(code=Code.TEST_STACK, key="of", message=message, help="add `tolerance` to the `process` of a material")
         return Outcome(summary="no tolerance", failure=failure)
     worst = sum_of(abs(deviation) for _, deviations in contributions for deviation in deviations)
     rss = hypot(*(deviation for _, deviations in contributions for deviation in deviations))
-    bounds = (("worst", "the largest deviation", worst, check.worst), ("rss", "the root of the sum of squares", rss, check.rss))
+    bounds = (("worst", "the largest deviation", worst, check.worst), ("rss", "the RSS deviation", rss, check.rss))
     measured: dict[str, Measure] = {"worst": worst, "rss": rss}
     expected: dict[str, Measure] = {key: bound for key, _, _, bound in bounds if bound is not None}
     shares = _largest_shares(contributions, rss)
     summary = f"worst {format_si(worst, LENGTH)}, RSS {format_si(rss, LENGTH)} of {format_count(len(contributions), 'contributor')}"
     summary = f"{summary}; {shares[0].message}" if shares else summary
     faults = [
-        (key, f"{description} is {format_si(value, LENGTH)}, but at most {Quantity(bound, LENGTH)} is allowed")
+        (key, f"{description} ({format_si(value, LENGTH)}) {ABOVE} ({Quantity(bound, LENGTH)})")
         for key, description, value, bound in bounds if bound is not None and value > bound * (1.0 + ROUNDING)
     ]
     if check.within is not None and check.share is not None:
@@ -67,7 +67,7 @@ def measure(case: TestCase, check: StackCheck) -> Outcome:
         share_text = f"{100.0 * share:.4g} % of all robots are within {Quantity(check.within, LENGTH)}"
         summary = f"{summary}; {share_text}"
         if share < check.share:
-            faults.append(("yield", f"{share_text}, but {100.0 * check.share:g} % are required"))
+            faults.append(("yield", f"the share of valid robots ({100.0 * share:.4g} %) {BELOW} ({100.0 * check.share:g} %)"))
     if not faults:
         return Outcome(measured=measured, expected=expected, summary=summary)
     failure = Failure(code=Code.TEST_STACK, key=faults[0][0], message="; ".join(text for _, text in faults), notes=tuple(shares))

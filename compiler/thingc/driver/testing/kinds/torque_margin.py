@@ -11,7 +11,7 @@ from thingc.base.numeric import isfinite, round_significant
 from thingc.base.pose import Pose
 from thingc.base.units import FORCE, LENGTH, TORQUE
 from thingc.documents.checks.torque_margin import KIND, TorqueCheck
-from thingc.driver.testing.outcomes import Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
+from thingc.driver.testing.outcomes import BELOW, Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge, LinkedTendon
 from thingc.model.robot.kinematics import body_poses
@@ -46,7 +46,7 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
     remarks = ""
     if choices:
         measured["undetermined"] = choices
-        notes.append(Note(message="several combinations of efforts hold the pose: the smallest efforts are shown"))
+        notes.append(Note(message="several combinations of efforts are possible (the smallest efforts are shown)"))
         remarks = ", one of many solutions"
     smooth_margin = _without_friction(robot, frame, bodies, check)
     if smooth_margin is not None:
@@ -59,14 +59,11 @@ def measure(case: TestCase, check: TorqueCheck) -> Outcome:
     summary = f"margin {margins[weakest]:.3g} at {joints[weakest].name}: {text} of {limit} (at least {check.minimum:g}){remarks}"
     if margins[weakest] < check.minimum:
         too_weak = [path for path in check.joints if path != weakest and margins[path] < check.minimum]
-        notes += [
-            Note(message=f"drive `{joints[path].name}` needs {_effort(joints[path], efforts[path])}: the margin is {margins[path]:.3g}")
-            for path in too_weak
-        ]
+        notes += [Note(message=f"required: {text}; available: {limit}")]
+        notes += [Note(message=f"the margin of drive `{joints[path].name}` is {margins[path]:.3g}") for path in too_weak]
         failure = Failure(
             code=Code.TEST_TORQUE, key="min", notes=tuple(notes),
-            message=f"drive `{joints[weakest].name}` needs {text}, and its limit is {limit}: the margin is {margins[weakest]:.3g}, "
-            f"but at least {check.minimum:g} is required",
+            message=f"the margin of drive `{joints[weakest].name}` ({margins[weakest]:.3g}) {BELOW} ({check.minimum:g})",
         )
     return Outcome(measured=measured, expected=expected, summary=summary, failure=failure)
 
@@ -95,26 +92,26 @@ def _moving_outcome(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]
         if lifted:
             listed = ", ".join(f"`{path.replace('/', '.')}` by {format_si(height, LENGTH)}" for path, height in lifted.items())
             failure = Failure(
-                code=Code.TEST_FOOT, key="pose", message=f"in this pose, some feet of the mode are higher than the other feet: {listed}",
-                help="lower these feet in the pose, or remove them from `standing_on`",
+                code=Code.TEST_FOOT, key="pose", message=f"some feet are above the floor in the pose ({listed})",
+                help="lower the feet in the pose, or remove them from `standing_on`",
             )
             return "has feet above the floor", failure
     if equilibrium.fall is not None:
         summary, reason = {
-            "tips": ("falls over", f"its centre of mass is {format_si(equilibrium.fall.outside, LENGTH)} outside the polygon of its feet"),
-            "slides": ("slides off", "friction does not hold its feet in place"),
-            "pulls": ("falls off", "gravity pulls the robot away from the floor, and no adhesion holds it"),
+            "tips": ("falls over", f"the centre of mass is {format_si(equilibrium.fall.outside, LENGTH)} outside the support polygon"),
+            "slides": ("slides off", "the friction of the feet is too low"),
+            "pulls": ("falls off", "gravity pulls the robot away from the floor"),
         }[equilibrium.fall.how]
         failure = Failure(
-            code=Code.TEST_FALLS, key="pose", message=f"in this pose the robot {summary}: {reason}",
+            code=Code.TEST_FALLS, key="pose", message=reason,
             help="move the feet or heavy parts of the robot, or add feet to `standing_on`",
         )
         return summary, failure
     if equilibrium.unheld > SLACK:
         moves = f"joint `{equilibrium.where.replace('/', '.')}`" if equilibrium.where else "the robot"
         failure = Failure(
-            code=Code.TEST_TORQUE, key="drive", message=f"the drives cannot hold this pose: {moves} would move",
-            help="add a drive to the joint, or choose a pose in which the joint stays at rest",
+            code=Code.TEST_TORQUE, key="drive", message=f"no drive prevents the motion of {moves}",
+            help="add a drive to the joint, or choose a pose without a load on the joint",
         )
         return "does not stay in the pose", failure
     return None

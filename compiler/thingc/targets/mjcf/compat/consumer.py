@@ -53,11 +53,11 @@ class UnsupportedOptions(FrozenStruct):
         option = root.find_or_empty("option")
         flag = option.find_or_empty("flag")
         for element, name, value, words in (
-            *((option, "solver", solver, f"`solver` `{solver}`") for solver in self.solvers),
+            *((option, "solver", solver, f"`solver: {solver}`") for solver in self.solvers),
             *((flag, name, "enable", f"the enabled flag `{name}`") for name in self.enabled),
             *((flag, name, "disable", f"the disabled flag `{name}`") for name in self.disabled),
         ):
             if element.get(name) == value:
                 raw = element.raw.get(name)
                 origin = raw.attribute.origin if raw else element.origin
-                yield Refusal(what=f"it does not support {words}", origin=origin, path=name, hint=f"remove `{name}`")
+                yield Refusal(what=f"{words} is not supported", origin=origin, path=name, hint=f"remove `{name}`")

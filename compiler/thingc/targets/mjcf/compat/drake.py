@@ -28,7 +28,7 @@ ATTRIBUTES = {
 """Attributes that Drake ignores, by tag and name of the attribute."""
 
 
-COMMANDS = "the range of its commands: Drake uses it as the range of the force"
+COMMANDS = "the command range: Drake would limit the force instead"
 """Description of the loss for a drive that is not a motor."""
 
 TURNED = ":turned"

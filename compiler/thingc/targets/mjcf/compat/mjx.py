@@ -34,7 +34,7 @@ FLUID = ("density", "viscosity", "wind")
 
 def _adapt(robot: Robot, root: Element) -> Iterator[Loss]:
     if robot.base == "held" and len(robot.bodies) > 1:
-        what = "moving its base: MJX moves a mocap body without its children"
+        what = "the motion of the base: MJX does not move the children of a mocap body"
         yield Loss("mjcf", robot.mode.name, robot.mode.name, what, "omitted", robot.mode.origin)
     yield from _integrator(robot, root)
     yield from _prisms(root)
@@ -49,26 +49,25 @@ def _find_refusals(robot: Robot, root: Element) -> Iterator[Refusal]:
     if needed:
         names = " and ".join(f"`{path}`" for path in needed)
         yield Refusal(
-            what=f"it does not support adhesion, but the adhesion at {names} carries the robot", origin=robot.mode.origin,
-            path=robot.mode.name,
+            what=f"the adhesion at {names} is not supported", origin=robot.mode.origin, path=robot.mode.name,
             hint="exclude the mode with `--mode`, or use another root",
         )
     yield from UNSUPPORTED.refusals(root)
     for delayed in (element for element in root.walk() if element.get("nsample")):
-        yield Refusal(what="it does not support delays", origin=delayed.origin, path=delayed.get("name"), hint="remove `delay`")
+        yield Refusal(what="delays are not supported", origin=delayed.origin, path=delayed.get("name"), hint="remove `delay`")
     option = root.find_or_empty("option")
     if option.get("integrator") == "implicitfast":
         for name in FLUID:
             if any(float(value) for value in option.get(name, "0").split()):
                 raw = option.raw[name].attribute
-                what = f"it does not support `{name}` with `implicitfast`"
+                what = f"`{name}` is not supported with `implicitfast`"
                 yield Refusal(what=what, origin=raw.origin, path=name, hint=f"remove `{name}`")
     contacts = list(pairs(root))
     elliptic = option.get("cone") == "elliptic"
     if elliptic and not needed and all(first.element is None for first, _ in contacts):
         raw_cone = option.raw.get("cone")
         yield Refusal(
-            what="without the floor of the scene, the model has no contacts, and MJX supports elliptic cones only with contacts",
+            what="elliptic cones are not supported without contacts",
             origin=robot.mode.origin if raw_cone is None else raw_cone.attribute.origin, path="cone",
             hint=f"load `scene_{robot.mode.name}.xml`, or write `cone: pyramidal` under `simulation`",
         )
@@ -90,11 +89,11 @@ def _faults(first: ContactGeom, second: ContactGeom, *, elliptic: bool) -> Itera
     """Yield the reasons why MJX rejects a contact between two geoms. Each reason includes the attribute that causes the rejection."""
     kinds = sorted((first.type, second.type))
     if frozenset(kinds) in UNSUPPORTED_PAIRS:
-        yield f"it does not support contacts between {kinds[0]} and {kinds[1]}", "type"
+        yield f"contacts between {kinds[0]} and {kinds[1]} are not supported", "type"
     if "mesh" in kinds and first.margin + second.margin:
-        yield "it does not support `margin` for contacts of meshes", "margin"
+        yield "`margin` is not supported for contacts of meshes", "margin"
     if elliptic and _condim(first, second) == 1:
-        yield "it does not support frictionless contacts with elliptic cones", "condim"
+        yield "frictionless contacts are not supported with elliptic cones", "condim"
 
 
 def _condim(first: ContactGeom, second: ContactGeom) -> int:
@@ -117,7 +116,7 @@ def _integrator(robot: Robot, root: Element) -> Iterator[Loss]:
     option = root.find_or_empty("option")
     if option.get("integrator") == "implicit":
         option.attributes["integrator"] = "implicitfast"
-        what = "the integrator `implicit`, which MJX does not support: `implicitfast` is used"
+        what = "the integrator `implicit`: MJX uses `implicitfast`"
         yield Loss("mjcf", robot.mode.name, robot.mode.name, what, "approximated", robot.mode.origin)
 
 
@@ -146,7 +145,7 @@ def _prisms(root: Element) -> Iterator[Loss]:
             ("mesh" if name == "size" else name): {"type": "mesh", "size": mesh}.get(name, value)
             for name, value in element.attributes.items()
         }
-        what = f"the cylinder, which MJX cannot collide with boxes and meshes: a prism of {SIDES} sides is used"
+        what = f"the cylinder: a prism of {SIDES} sides in contacts of MJX"
         yield Loss("mjcf", None, path, what, "approximated", element.origin)
     if sizes:
         section = root.child("asset", before=("worldbody",))
@@ -208,7 +207,7 @@ def _adhesions(robot: Robot, root: Element) -> Iterator[Loss]:
             del key.attributes["ctrl"]
     for magnet in robot.assembly.adhesions:
         origin = robot.assembly.occurrences[magnet.occurrence].origin
-        yield Loss("mjcf", None, magnet.path, "the adhesion, which MJX does not support", "omitted", origin)
+        yield Loss("mjcf", None, magnet.path, "the adhesion: not supported by MJX", "omitted", origin)
 
 
 MJX = Consumer(name="mjx", label="MJX", version="mujoco-mjx 3.17.0", adapt=_adapt, find_refusals=_find_refusals)

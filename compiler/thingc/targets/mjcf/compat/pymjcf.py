@@ -24,7 +24,7 @@ def _adapt(robot: Robot, root: Element) -> Iterator[Loss]:
                 element.attributes[name] = value.replace("/", SEPARATOR)
                 renamed = True
     if renamed:
-        what = f"`/` in names, which PyMJCF rejects: `{SEPARATOR}` is used"
+        what = f"`/` in names: replaced by `{SEPARATOR}` for PyMJCF"
         yield Loss("mjcf", None, robot.assembly.name, what, "approximated", robot.assembly.definition.origin)
 
 

@@ -59,7 +59,7 @@ class Actuators:
                     most = original.bounds("tendon_actfrc", target)
                     why = self._driving(number, SourceTarget(kind="tendon", name=one.name), target, self.of_tendon, ends, most)
             elif transmission not in (AT_JOINT, AT_PARENT) or int(self.model.jnt_type[target]) not in (HINGE, SLIDE):
-                why = "a drive in a document needs a tendon, or a joint that rotates about or slides along an axis"
+                why = "documents only support drives of tendons, hinges and slides"
             elif target not in joints:
                 why = "the joint of the actuator is not imported"
             else:
@@ -81,10 +81,10 @@ class Actuators:
         Return the reason why a document cannot express the actuator, or an empty string if the drive was added.
         """
         if target in drives:
-            return f"`{what.name}` is already driven by `{drives[target].name}`, and a {what.kind} in a document has one drive"
+            return f"`{what.name}` already has the drive `{drives[target].name}`"
         drive = self._drive(number, ends, most)
         if drive is None:
-            return "a drive in a document is a motor, a position drive or a velocity drive"
+            return "documents only support motors, position drives and velocity drives"
         drives[target] = self._with_effects(number, drive)
         self.driven[number] = what
         return ""
@@ -105,7 +105,7 @@ class Actuators:
         for name in UNSAID:
             values = getattr(self.model, f"actuator_{name}", None)
             if values is not None and float(values[number]):
-                self.original.lose("actuator", number, f"`{name}` of {what}", "documents do not support this property")
+                self.original.lose("actuator", number, f"`{name}` of {what}", "documents do not support the property")
 
     def _drive(self, number: int, ends: Bounds, most: Bounds) -> SourceDrive | None:
         """Convert an actuator to a drive. Return None for a kind of actuator that documents do not support."""
@@ -150,7 +150,7 @@ class Actuators:
         if gain != 1.0:
             ends = None if force is None else (force[0] / gain, force[1] / gain)
             what = f"the gain of motor `{original.actuators[number]}`, {gain:g}"
-            why = "the gear ratio is multiplied by the gain, so that equal controls result in equal torques"
+            why = "the gear ratio is multiplied by the gain"
             original.lose("actuator", number, what, why)
         bounds = [max(map(abs, one)) for one in (control, ends) if one is not None]
         effort = None if not bounds else min(bounds) * abs(gear * gain)

@@ -37,7 +37,7 @@ class Equalities:
             kind = int(self.model.eq_type[number])
             why = ""
             if not self.model.eq_active0[number]:
-                why = "the equality is not active, but couplings in a document are always active"
+                why = "documents do not support inactive equalities"
             elif kind == JOINT:
                 why = self._follow(number)
             elif kind in (CONNECT, WELD):
@@ -62,13 +62,13 @@ class Equalities:
         one, other = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
         a, b, *higher = floats(model.eq_data[number][:5])
         if other < 0 or not b and not any(higher):
-            return "a joint in a document can only mimic another joint, not a constant"
+            return "documents do not support equalities with a constant"
         if one in self.drives.of_joint and other not in self.drives.of_joint and abs(b) == 1.0 and not any(higher):
             one, other, a = other, one, -a * b  # invert the linear relation between the two joints
         if one in self.drives.of_joint:
-            return f"joint `{original.joints[one]}` is driven, but a joint with `mimic` cannot have a drive"
+            return f"a joint with `mimic` cannot have a drive (`{original.joints[one]}`)"
         if one in self.follows or other in self.follows:
-            return "one of the two joints already mimics another"
+            return "one of the joints already mimics another joint"
         if any(int(model.jnt_bodyid[joint]) not in self.on for joint in (one, other)):
             return "the joints of the equality are not imported"
         first, second = (float(model.qpos0[model.jnt_qposadr[joint]]) for joint in (one, other))
@@ -149,7 +149,7 @@ def joint_of(original: CompiledSource, joint: int, drives: Actuators, couplings:
     rest = float(model.qpos_spring[model.jnt_qposadr[joint]]) if kind != "ball" else 0.0
     begin = None if kind == "ball" else ends.nearest(start)
     if start:
-        why = "a document specifies the softness at q = 0"
+        why = "documents specify the softness at q = 0"
         original.losses.note(f"the softness of constraints at the reference of joint `{name}`, {start:g}", why, where)
     original.lose_nonlinear("joint", joint, {"jnt_stiffnesspoly": joint, "dof_dampingpoly": dof})
     (x, y, z), (u, v, w) = floats(model.jnt_pos[joint]), floats(model.jnt_axis[joint])

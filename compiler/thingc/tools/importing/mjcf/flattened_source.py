@@ -26,10 +26,10 @@ MOST_STEPS = 100_000
 MOST_MESH_BYTES = 500_000_000
 """Maximum total size of meshes [bytes]. A mesh counts once for each use, because MuJoCo computes a convex hull for each use."""
 LEFT_OUT = {
-    "texture": "not imported: shapes have the colours of their materials", "hfield": "documents do not support height fields",
+    "texture": "shapes have the colours of materials", "hfield": "documents do not support height fields",
     "skin": "documents do not support skins", "flex": "documents support only rigid links",
     "flexcomp": "documents support only rigid links",
-    "composite": "not supported: replace `<composite>` by the bodies that it generates", "size": "MuJoCo computes the sizes of a model",
+    "composite": "replace `<composite>` by bodies", "size": "MuJoCo computes the sizes of a model",
     "text": "documents cannot store custom data", "tuple": "documents cannot store custom data",
     "extension": "documents do not support plugins",
     "statistic": "MuJoCo computes the statistics of a model", "light": "lights are part of a scene, not of a robot",
@@ -165,15 +165,15 @@ class FlattenedSource:
             return
         self.element_count += copies * (1 + self.sizes.get(element.attributes.get("model", ""), 0) if element.tag == "attach" else 1)
         if self.element_count > MOST_ELEMENTS:
-            message = f"the model has more than {MOST_ELEMENTS:,} elements, including copies made by `<replicate>`"
-            self.report.add(Code.SOURCE_VALUE, message, element.where, help="reduce their number")
+            message = f"the number of elements exceeds the maximum ({MOST_ELEMENTS:,})"
+            self.report.add(Code.SOURCE_VALUE, message, element.where, help="reduce the number of elements")
             return
         if element.tag == "replicate":
             count = re.match(r"\s*\+?(\d{1,12})", element.attributes.get("count", ""))  # MuJoCo ignores text after the number
             copies *= 1 if count is None else int(count[1])
             if copies > MOST_COPIES:
-                message = f"the element is copied {copies:,} times, but at most {MOST_COPIES:,} copies are supported"
-                self.report.add(Code.SOURCE_VALUE, message, element.place("count"), help="reduce their number")
+                message = f"the number of copies ({copies:,}) exceeds the maximum ({MOST_COPIES:,})"
+                self.report.add(Code.SOURCE_VALUE, message, element.place("count"), help="reduce `count`")
                 return
         if element.tag in LEFT_OUT or element.tag == "geom" and ("hfield" in (element.attributes.get("type"), *element.attributes)):
             self.losses.note(f"`<{element.tag}>`", LEFT_OUT.get(element.tag, LEFT_OUT["hfield"]), element.where)
@@ -182,7 +182,7 @@ class FlattenedSource:
         if element.tag == "layer":
             return  # only materials contain `<layer>`, and their textures are omitted
         if element.tag == "lengthrange" and _steps(element) > MOST_STEPS:
-            message = f"this element requires more than {MOST_STEPS:,} simulation steps per muscle"
+            message = f"the element requires more than {MOST_STEPS:,} simulation steps per muscle"
             self.report.add(Code.SOURCE_VALUE, message, element.where, help="reduce `inttotal`, or increase `timestep`")
             return
         attributes = dict(element.attributes)
@@ -228,7 +228,7 @@ class FlattenedSource:
             _, content = self.packages.read(uri)
             self.mesh_bytes += len(content)
             if self.mesh_bytes > MOST_MESH_BYTES:
-                message = f"the meshes, including `{uri}`, have more than {MOST_MESH_BYTES:,} bytes in total"
+                message = f"the total size of the meshes exceeds the maximum ({MOST_MESH_BYTES:,} bytes)"
                 raise NotFound(message, "use meshes with fewer facets, and list each mesh only once")
         except NotFound as fault:
             if self.with_meshes:

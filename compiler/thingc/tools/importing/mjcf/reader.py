@@ -64,7 +64,7 @@ def _compile(flat: FlattenedSource, text: str, report: Report) -> CompiledSource
         message_of_mujoco = re.sub(r"^(XML )?Error: |Error: |Schema violation: ", "", message.split("\nElement")[0]).strip()
         attribute = re.search(r"attribute:? '(\w+)'", message_of_mujoco)
         where = flat.place(message, None if attribute is None else attribute[1])
-        report.add(Code.SOURCE_VALUE, f"MuJoCo cannot load this: {message_of_mujoco}", where, help="fix the element at this line")
+        report.add(Code.SOURCE_VALUE, f"MuJoCo cannot load the model: {message_of_mujoco}", where, help="fix the reported element")
         return None
     original = CompiledSource(flat, spec, model)
     for geom in (one for one in absent if not one.parent.explicitinertial):
@@ -90,7 +90,7 @@ class _Reader:
         other floating groups to the root.
         """
         if len(self.parents) > MOST_LINKS:
-            message = f"the robot has {len(self.parents):,} bodies, but at most {MOST_LINKS:,} are supported"
+            message = f"the number of bodies ({len(self.parents):,}) exceeds the maximum ({MOST_LINKS:,})"
             self.report.add(Code.SOURCE_TREE, message, self.original.flat.root.where)
             return None
         bodies, root = self._robot_bodies()
@@ -144,7 +144,7 @@ class _Reader:
         for joint in (joint for one in attachments for joint in one.joints if not posed and joint.follows is None):
             if joint.begin is not None and abs(joint.begin - joint.start) > _ALIKE:
                 description = f"the start position of joint `{joint.name}`, {joint.start:g}"
-                self.original.losses.note(description, f"the value is outside the limits; {joint.begin:g} is used", joint.where)
+                self.original.losses.note(description, f"the value is outside the limits ({joint.begin:g} is used)", joint.where)
         sensed |= {one.name for one in added.elements if one.section == "sensor"}
         self._lose_indices("data.ctrl", [1] * self.model.nu, sorted(added.kept["actuator"]))
         self._lose_indices("data.sensordata", self.model.sensor_dim, [k for k, name in self.original.sensors.items() if name in sensed])
@@ -225,7 +225,7 @@ class _Reader:
         for body in tops:
             if group[body] != chosen and body not in self.free:
                 description = f"body `{self.original.bodies[body]}`, with everything attached to it"
-                self.original.lose("body", body, description, "the body is not part of the robot, and a document contains only one robot")
+                self.original.lose("body", body, description, "the body is not part of the robot")
         model, geoms = self.model, self.original.geoms_of[WORLD]
         planes = [geom for geom in geoms if model.geom_type[geom] == PLANE]
         on_world = [("geom", geom) for geom in geoms if geom not in planes]

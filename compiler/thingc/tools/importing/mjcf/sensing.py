@@ -62,7 +62,7 @@ class Sensing:
                 if self.added.sensor(number):
                     continue
                 name, kind = self.original.sensors[number], self._kind(number)
-                self.original.lose("sensor", number, f"sensor `{name}` of kind `{kind}`", "documents do not support this type of sensor")
+                self.original.lose("sensor", number, f"sensor `{name}` of kind `{kind}`", "documents do not support the type of the sensor")
             else:
                 placed_before.add(placed)
                 read.append((number, *placed))
@@ -120,7 +120,7 @@ class Sensing:
                 value = float(getattr(model, f"sensor_{key}")[number])
                 if value and reading in ("quat", "magnetometer", "momentum", "time"):
                     what = f"{key} of sensor `{original.sensors[number]}`"
-                    original.lose("sensor", number, what, f"a document cannot specify this value for a `{reading}`")
+                    original.lose("sensor", number, what, f"documents do not support the value for a `{reading}`")
                 elif value:
                     values[reading] = value
         volume: tuple[ShapeKind, tuple[float, ...]] | None = None

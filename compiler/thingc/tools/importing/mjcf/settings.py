@@ -63,7 +63,7 @@ def options(original: CompiledSource) -> tuple[tuple[tuple[str, ...], str], ...]
             if name.startswith(prefix) and int(getattr(ours, field)) & int(bit):
                 entries.append((("option", "flag", name.removeprefix(prefix).lower()), word))
     if int(ours.disableactuator):
-        why = "documents do not support groups of actuators; use the key `actuators` of modes"
+        why = "documents use the key `actuators` of modes instead"
         original.losses.note("disabled groups of actuators", why, original.flat.root.where)
     return tuple(entries)
 
@@ -85,7 +85,7 @@ def touching(
     model = original.model
     for pair in (pair for number, pair in enumerate(original.spec.pairs) if not added.pair(number)):
         what = f"a contact pair, `{pair.geomname1}` and `{pair.geomname2}`"
-        original.losses.note(what, "one of the two is not in the document", original.flat.place(pair.info))
+        original.losses.note(what, "a body of the pair is not in the document", original.flat.place(pair.info))
     parents = {
         head: heads[parent] for head in set(heads.values()) if (parent := int(model.body_parentid[head])) in heads and parent != head
     }
@@ -105,11 +105,11 @@ def touching(
     for head, parent in sorted(parents.items()):
         if (parent == still or not filtered) and meet(head, parent):
             what = f"contacts of `{original.bodies[head]}` with `{original.bodies[parent]}`"
-            original.lose("body", head, what, "in a document, links that a joint connects never touch")
+            original.lose("body", head, what, "documents exclude contacts of links with a common joint")
     for head, other in sorted(apart.keys() - near):
         if meet(head, other):
             what = f"contacts of `{original.bodies[other]}` with `{original.bodies[head]}`"
-            why = "a pair of their bodies is excluded from contact, and bodies that are fixed to each other are one link"
+            why = "a pair of bodies is excluded from contact"
             original.lose("body", other, what, why)
     touch = {head for head, bodies in members.items() if head != still and any(any(masks[body]) for body in bodies)}
     _lose_parts(original, members, touch)
@@ -129,7 +129,7 @@ def _excluded_pairs(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]
             yield first, second
         else:
             what = f"the excluded contact of `{one.bodyname1}` and `{one.bodyname2}`"
-            original.losses.note(what, "one of the two is not part of the robot", original.flat.place(one.info))
+            original.losses.note(what, "a body of the pair is not part of the robot", original.flat.place(one.info))
 
 
 def _lose_parts(original: CompiledSource, members: Mapping[int, list[int]], touch: Set[int]) -> None:
@@ -151,7 +151,7 @@ def _lose_parts(original: CompiledSource, members: Mapping[int, list[int]], touc
             what = f"drag of `{original.bodies[head]}`, computed for each body"
             original.lose("body", head, what, "bodies that are fixed to each other are one link")
         if head in touch:
-            why = "MuJoCo derives it from the inverse mass of a body, and bodies that are fixed to each other are one link"
+            why = "bodies that are fixed to each other are one link"
             original.lose("body", head, f"the softness of contacts of `{original.bodies[head]}`", why)
 
 
@@ -204,7 +204,7 @@ def poses(
                 q[name_of] = joints[name_of].ends.nearest(value)
                 if abs(value - joints[name_of].ends.nearest(value)) > _ALIKE:
                     what = f"joint `{name_of}` at {value:g} in keyframe `{name}`"
-                    original.losses.note(what, "the value is outside the limit; the limit is used", where)
+                    original.losses.note(what, "the value is outside the limit (the limit is used)", where)
         for name_of, follows in following.items():
             was, leader = q.pop(name_of), q[follows.joint]
             if isinstance(was, float) and isinstance(leader, float) and abs(was - follows.at(leader)) > 1e-6:

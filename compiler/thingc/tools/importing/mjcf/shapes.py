@@ -101,7 +101,7 @@ class Geoms:
             lines = ["v {:.9g} {:.9g} {:.9g}".format(*row) for row in model.mesh_vert[first : first + count].tolist()]
             lines += ["f {} {} {}".format(*(1 + one for one in row)) for row in model.mesh_face[faces : faces + number].tolist()]
             self.files[file] = "\n".join([*lines, ""]).encode()
-            why = "the format is not supported; the mesh of MuJoCo is written instead, in single precision"
+            why = "replaced by the mesh of MuJoCo in single precision"
             self.original.losses.note(f"the original file of mesh `{name}`", why, self.original.where("geom", geom, "mesh"))
         return file
 

@@ -74,11 +74,11 @@ class Tendons:
             return ""
         on, place = int(model.site_bodyid[side]), pose_of(model.site_pos[side], model.site_quat[side])
         if self.heads[on] != self.heads[body]:
-            return "the side site and the geom around which the tendon wraps are on different links"
+            return "the side site and the wrapping geom are on different links"
         shape = self._pose_in_group(body) @ pose_of(model.geom_pos[thing], model.geom_quat[thing])
         x, y, z = (shape.inverse() @ self._pose_in_group(on) @ place).translation
         inside = hypot(x, y, z if kind == SPHERE else 0.0) <= float(model.geom_size[thing][0])
-        return "the tendon wraps inside a shape, but tendons of a document wrap around the outside" if inside else ""
+        return "documents do not support tendons that wrap inside a shape" if inside else ""
 
     def _pose_in_group(self, body: int) -> Pose:
         """Return the pose of a body in the frame of the first body of its rigidly connected group."""
