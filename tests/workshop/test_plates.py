@@ -42,12 +42,12 @@ LONG = trimesh.creation.box((40.0, 240.0, 10.0))
 WEDGE = trimesh.convex.convex_hull(np.array([[0, 0, 0], [60, 0, 0], [0, 50, 0], [0, 0, 20], [60, 0, 5]], dtype=float))
 
 
-def build(folder: Path, capsys: pytest.CaptureFixture[str], count: int = 3, bed: str = "") -> tuple[int, str]:
+def build(folder: Path, capsys: pytest.CaptureFixture[str], count: int = 3, bed: str = "", document: str = ROBOT) -> tuple[int, str]:
     """Build the plates of the robot. Return the exit code and the output."""
     LONG.export(folder / "long.stl")
     WEDGE.export(folder / "wedge.stl")
     (folder / "thingc.toml").write_text(f'thingc = "workspace/1"\n{bed}\n')
-    (folder / "robot.yaml").write_text(ROBOT.replace("COUNT", str(count)))
+    (folder / "robot.yaml").write_text(document.replace("COUNT", str(count)))
     folders = ["--store", str(folder / "store"), "-o", str(folder / "out")]
     code = main(["build", str(folder / "robot.yaml"), "--emit", "3mf", *folders, "--force"])
     said = capsys.readouterr()
@@ -121,6 +121,59 @@ def test_many_parts_are_on_several_plates_and_the_bytes_are_the_same(tmp_path: P
     assert plates(tmp_path) == made
 
 
+VARIED = ROBOT.replace("""
+defaults:""", """
+  petg: {density: 1270 kg/m^3, color: red, process: {kind: fdm, layer: 0.3 mm}}
+  clear: {density: 1140 kg/m^3, process: {kind: resin, layer: 0.05 mm}}
+defaults:""") + """\
+  red: {file: wedge.stl, material: petg, at: {in: base.origin, xyz: 0 0 -100 mm}, print: {up: [1, 0, 0]}}
+  flat: {file: wedge.stl, at: {in: base.origin, xyz: 0 0 -200 mm}}
+  dense: {file: wedge.stl, at: {in: base.origin, xyz: 0 0 -300 mm}, print: {up: [1, 0, 0]}, process: {infill: 80 %}}
+  window: {file: wedge.stl, material: clear, at: {in: base.origin, xyz: 0 0 -400 mm}}
+  lens: {file: wedge.stl, at: {in: base.origin, xyz: 0 0 -500 mm}, process: {kind: resin}}
+"""
+"""The robot with further wedges of other materials, directions, settings and kinds of process."""
+
+
+def test_prints_of_one_definition_with_other_materials_directions_or_settings_are_objects(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert build(tmp_path, capsys, document=VARIED)[0] == 0
+    filament, resin = plates(tmp_path)
+    assert [path.name for path in sorted((tmp_path / "out/robot/3mf").iterdir())] == ["robot_plate_1.3mf", "robot_resin_plate_1.3mf"]
+    names = {"long": 1, "wedge_pla_x3": 3, "wedge_petg": 1, "wedge_pla_2": 1, "wedge_pla_3": 1}
+    items = placed(filament)
+    assert Counter(name for name, _, _ in items) == names
+    sizes = {name: np.ptp(corners, axis=0) for name, corners, _ in items if name != "long"}
+    for name, size in sizes.items():
+        assert size == pytest.approx((60.0, 50.0, 20.0) if name == "wedge_pla_2" else (20.0, 50.0, 60.0), abs=1e-4)
+    assert Counter(name for name, _, _ in placed(resin)) == {"wedge_clear": 1, "wedge_pla_4": 1}, "resin has its own plate"
+    model, settings = objects(filament)
+    assert model == {**dict.fromkeys(names, "pla"), "wedge_petg": "petg"}
+    assert {name: (keys.get("layer_height"), keys.get("fill_density")) for name, keys in settings.items()} == {
+        "long": ("0.2", "100%"), "wedge_pla_x3": ("0.2", "15%"), "wedge_pla_2": ("0.2", "15%"), "wedge_pla_3": ("0.2", "80%"),
+        "wedge_petg": ("0.3", None),
+    }
+    main(["print", str(tmp_path / "robot.yaml"), "--store", str(tmp_path / "store"), "--format", "json"])
+    rows = {row["part"]: row for row in json.loads(capsys.readouterr().out)["prints"]}
+    assert rows.keys() == {"long", "wedge_pla", "wedge_petg", "wedge_pla_2", "wedge_pla_3", "wedge_clear", "wedge_pla_4"}
+    assert {name for name, row in rows.items() if row["filament"] is None} == {"wedge_clear", "wedge_pla_4"}
+    assert rows["wedge_pla_4"]["time"] is None and rows["wedge_pla_2"]["time"] > 0.0
+
+
+def objects(plate: bytes) -> tuple[dict[str, str], dict[str, dict[str, str]]]:
+    """Return the material and the settings of each object of a plate, by name. Both files must number the objects equally."""
+    with zipfile.ZipFile(BytesIO(plate)) as archive:
+        model = ElementTree.fromstring(archive.read("3D/3dmodel.model"))
+        config = ElementTree.fromstring(archive.read("Metadata/Slic3r_PE_model.config"))
+    bases = [one.attrib["name"] for one in model.iterfind(".//m:base", CORE)]
+    materials = {one.attrib["name"]: bases[int(one.attrib["pindex"])] for one in model.iterfind(".//m:object", CORE)}
+    numbers = [(one.attrib["id"], one.attrib["name"]) for one in model.iterfind(".//m:object", CORE)]
+    settings = [(one.attrib["id"], {key.attrib["key"]: key.attrib["value"] for key in one.iterfind("metadata")}) for one in config]
+    assert numbers == [(number, keys["name"]) for number, keys in settings]
+    return materials, {keys["name"]: keys for _, keys in settings}
+
+
 def test_a_part_that_does_not_fit_is_an_error_with_its_size(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, said = build(tmp_path, capsys, bed='bed = ["0.2 m", "200 mm", "210 mm"]')
     assert code == 1 and "error[TC754]" in said and "found 40 x 240 x 10 mm" in said and "at most 195 x 195 x 210 mm" in said
@@ -132,6 +185,15 @@ def test_a_part_that_does_not_fit_is_an_error_with_its_size(tmp_path: Path, caps
 def test_a_bed_has_three_lengths(tmp_path: Path, capsys: pytest.CaptureFixture[str], bed: str) -> None:
     code, said = build(tmp_path, capsys, bed=f"bed = {bed}")
     assert code == 1 and "thingc.toml:2:" in said
+
+
+@pytest.mark.skipif(shutil.which("prusa-slicer") is None, reason="PrusaSlicer is not installed")
+def test_prusaslicer_reads_all_prints_of_one_definition(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    build(tmp_path, capsys, document=VARIED)
+    (tmp_path / "plate.3mf").write_bytes(plates(tmp_path)[0])
+    report = subprocess.run(["prusa-slicer", "--info", tmp_path / "plate.3mf"], check=True, capture_output=True, text=True).stdout
+    sizes = [tuple(float(size) for size in re.findall(r"size_. = (\S+)", one)) for one in report.split("[plate.3mf]")[1:]]
+    assert sorted(sizes) == [(20.0, 50.0, 60.0)] * 3 + [(40.0, 240.0, 10.0), (60.0, 50.0, 20.0)]
 
 
 @pytest.mark.skipif(shutil.which("prusa-slicer") is None, reason="PrusaSlicer is not installed")

@@ -48,7 +48,7 @@ def component_mass(component: Component, record: PartRecord | None, material: Ma
     document overrides only the centre of mass, the inertia is unchanged. All inertias are about the centre of mass of the component.
     """
     overrides = component.overrides
-    matter, estimate = _matter(record, process_of(component, material), overrides)
+    matter, estimate = _matter(record, overrides.process_with(material), overrides)
     natural = _natural(matter, record, material, estimate)
     mass = natural.properties.mass if natural is not None else None
     source = natural.source if natural is not None else "derived"
@@ -133,12 +133,6 @@ def material_of(component: Component, default: str | None, scope: AssemblyDefini
     return component.material or scope.materials.get(default or "")
 
 
-def process_of(component: Component, material: Material | None) -> Process:
-    """Return the manufacturing process of a component. Settings of the component take precedence over settings of its material."""
-    of_material = material.process if material is not None else None
-    return (component.overrides.process or Process()).merge_over(of_material or Process())
-
-
 def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure]) -> dict[str, set[Slicing]]:
     """Return the slicing settings of all printed parts of a model, keyed by the text of the part's definition.
 
@@ -149,7 +143,7 @@ def slicings_of(model: AssemblyDefinition, records: Mapping[str, PartRecord | Pa
         record = records.get(definition.text)
         if not isinstance(record, PartRecord):
             continue
-        slicing = slicing_of(process_of(component, material_of(component, record.material, scope)), component.overrides, record)
+        slicing = slicing_of(component.overrides.process_with(material_of(component, record.material, scope)), component.overrides, record)
         if slicing is not None:
             slicings.setdefault(definition.text, set()).add(slicing)
     return slicings
@@ -161,7 +155,7 @@ def likely_slicings(model: AssemblyDefinition, schemas: Mapping[str, PartSchema 
     for definition, component, scope in _parts(model):
         schema, up = schemas.get(definition.reference), component.overrides.up
         material = material_of(component, schema.material if isinstance(schema, PartSchema) else None, scope)
-        slicing = process_of(component, material).slicing(up)
+        slicing = component.overrides.process_with(material).slicing(up)
         if slicing is not None:
             likely.setdefault(definition.text, set()).add((slicing, up is None))
     return likely

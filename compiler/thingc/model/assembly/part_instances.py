@@ -14,7 +14,7 @@ from thingc.base.suggestions import Hint, did_you_mean, nearest
 from thingc.geometry.print_slices import SliceFailure
 from thingc.geometry.record import ImpureInputs, MountRecord, PartDefinition, PartFailure, PartRecord, PartWarning
 from thingc.model.assembly.hag import FRAME, Definition
-from thingc.model.assembly.mass import NOTHING, MassResult, component_mass, material_of, process_of, slicing_of
+from thingc.model.assembly.mass import NOTHING, MassResult, component_mass, material_of, slicing_of
 from thingc.model.assembly.report import LinkReport, written_at
 from thingc.model.assembly.shape_links import Meshes, MissingDensity, list_shapes, warn_far, weigh_shapes
 from thingc.model.assembly.types import PartInstance
@@ -238,7 +238,7 @@ class PartInstances:
         original = component.definition.plain if isinstance(component.definition, PartDefinition) else None
         if original is None or not record.exact:
             return
-        bom, process = bom_of(component, record, use.scope), process_of(component, use.material)
+        bom, process = bom_of(component, record, use.scope), component.overrides.process_with(use.material)
         bought = bom.make == "buy" or bom.make is None and (process.kind or "").lower() == "bought"
         if record.own_image and component.image_of is None:
             code = Code.OWN_IMAGE
@@ -258,7 +258,7 @@ class PartInstances:
         component, record, material, findings = use.component, use.record, use.material, self._findings
         if isinstance(component.definition, LinkDefinition):
             return self._weigh_link(use, component.definition)
-        process = process_of(component, material)
+        process = component.overrides.process_with(material)
         weighed = component_mass(component, record, material)
         if record is not None and record.exact and weighed is not None:
             self._warn_of_density(use, record, weighed)

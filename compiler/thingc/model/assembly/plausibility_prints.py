@@ -72,7 +72,7 @@ def _warn(doubt: _Doubt, process: Process, outer: Sequence[Span], path: str, not
 
 def _doubts(process: Process, keys: Collection[str]) -> Iterator[_Doubt]:
     """Yield the implausible values of a manufacturing process. Only the settings in `keys` are checked."""
-    lines = process.kind in (None, "fdm")
+    lines = process.technique == "fdm"
     for key, value, (least, most), usual in (
         ("line_width", process.line_width, *((WIDTHS, USUAL_WIDTHS) if lines else (SKINS, USUAL_SKINS))),
         ("layer", process.layer, HEIGHTS, USUAL_HEIGHTS),

@@ -85,6 +85,11 @@ class Process(OneLineRepr, FrozenStruct):
         return replace(defaults, **{**specified, "origins": {**defaults.origins, **self.origins}, "wrong": invalid})
 
     @property
+    def technique(self) -> str:
+        """The kind of process of a print: `kind`, or `fdm` if it is not specified."""
+        return self.kind or "fdm"
+
+    @property
     def estimation(self) -> str | None:
         """The method for estimating the printed volume of a part, `layers` or `skin`. None for a solid part."""
         if self.infill is None or self.infill >= 1.0:
@@ -205,6 +210,10 @@ class Overrides(CollisionChoice):
     def fully_stated(self) -> bool:
         """Whether mass, centre of mass and inertia are all specified, so that they need not be computed from the geometry."""
         return self.mass is not None and self.com is not None and self.inertia is not None
+
+    def process_with(self, material: Material | None) -> Process:
+        """Return the manufacturing process. Its own settings take precedence over settings of the material."""
+        return (self.process or Process()).merge_over(material and material.process or Process())
 
 
 class BomEntry(OneLineRepr, FrozenStruct):

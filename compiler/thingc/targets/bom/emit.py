@@ -70,13 +70,8 @@ def make_of(occurrence: Occurrence) -> str:
         return occurrence.bom.make
     if record is None or record.box is None:
         return "buy"
-    own = occurrence.overrides.process
-    kind = own.kind if own is not None else None
-    if kind is None and occurrence.material is not None and occurrence.material.process is not None:
-        kind = occurrence.material.process.kind
-    if kind is None:
-        return "print"
-    return "buy" if kind.lower() == "bought" else "machine" if kind.lower() in MACHINED else "print"
+    kind = occurrence.overrides.process_with(occurrence.material).technique.lower()
+    return "buy" if kind == "bought" else "machine" if kind in MACHINED else "print"
 
 
 def is_listed(occurrence: Occurrence) -> bool:

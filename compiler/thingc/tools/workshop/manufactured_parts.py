@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
@@ -79,19 +80,15 @@ def manufactured_parts(assembly: Assembly) -> list[ManufacturedPart]:
         if isinstance(one.component.definition, PartDefinition) and one.record is not None and one.record.box and make_of(one) != "buy"
     ]
     groups = list(group_by(manufactured, lambda one: (one.definition, one.material and one.material.name)).values())
-    names = [_simple(plain_name(group[0])) for group in groups]
-    owners: dict[str, set[object]] = {}
-    for name, group in zip(names, groups, strict=True):
-        owners.setdefault(name.casefold(), set()).add(group[0].definition)
-    return [
-        ManufacturedPart(label=name if len(owners[name.casefold()]) == 1 else _stem(group[0]), occurrences=group)
-        for name, group in zip(names, groups, strict=True)
-    ]
+    labels = labels_of([group[0] for group in groups], lambda one: _simple(plain_name(one)))
+    return [ManufacturedPart(label=label, occurrences=group) for label, group in zip(labels, groups, strict=True)]
 
 
-def _stem(occurrence: Occurrence) -> str:
-    assert isinstance(occurrence.component.definition, PartDefinition)
-    return occurrence.component.definition.stem
+def labels_of(parts: Sequence[Occurrence], name_of: Callable[[Occurrence], str] = plain_name) -> list[str]:
+    """Return the names of parts. If parts of several definitions have the same name, ignoring case, return the stems of the definitions."""
+    definitions = Counter(name for name, _ in {(name_of(one).casefold(), one.definition) for one in parts})
+    stems = (one.component.definition.stem if isinstance(one.component.definition, PartDefinition) else "" for one in parts)
+    return [name_of(one) if definitions[name_of(one).casefold()] == 1 else stem for one, stem in zip(parts, stems, strict=True)]
 
 
 def _simple(name: str) -> str:

@@ -1,14 +1,16 @@
 """Write `3mf/NAME_plate_1.3mf` and so on: all printed parts in print orientation, arranged on the bed of the printer, in millimetres.
 
-Equal parts are one object with several instances. The files contain the settings of the process of each part, as PrusaSlicer reads them.
+Parts of different kinds of process, such as `fdm` and `resin`, are on different plates. Equal parts are one object with several instances.
+The files contain the settings of the process of each part, as PrusaSlicer reads them.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
-from itertools import chain
+from itertools import chain, count
 from xml.etree.ElementTree import Element, SubElement, tostring
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
@@ -20,12 +22,12 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.pose import Vector
 from thingc.geometry.record import PartDefinition
 from thingc.geometry.store.local import Store
-from thingc.model.assembly.mass import process_of
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.targets import Artifacts, EmitRequest, Loss
-from thingc.targets.bom.emit import make_of, plain_name
+from thingc.targets.bom.emit import make_of
 from thingc.targets.stl.emit import direction_up, turn_stl
 from thingc.tools.grouping import group_by
+from thingc.tools.workshop.manufactured_parts import labels_of
 
 GAP = 5.0
 """Distance between parts on a plate, and twice the distance between the parts and the edge of the bed [mm]."""
@@ -37,12 +39,13 @@ GREY = "#c0c0c0"
 """The colour of parts without a colour."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Print:
     """Equal prints: their mesh in print orientation, with the lowest corner of its bounding box at the origin [mm].
 
-    `faces` contains indices of `vertices`. `first` is the first of the `count` occurrences. `stl` is the mesh in the axes of the part, in
-    which `up` points away from the bed. If `sideways` is True, the part only fits on the bed after a rotation by 90 degrees about z.
+    `faces` contains indices of `vertices`. `first` is the first of the `count` occurrences, and `label` is a unique name. `stl` is
+    the mesh in the axes of the part, in which `up` points away from the bed. If `sideways` is True, the part only fits on the bed after a
+    rotation by 90 degrees about z.
     """
 
     first: Occurrence
@@ -71,17 +74,17 @@ Plate = list[tuple[Print, tuple[int, int]]]
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """Write a file for each plate.
+    """Write a file for each plate. The file names of plates that are not `fdm` contain the kind of process.
 
     A part that does not fit on the bed is an error. Parts with a mesh that is not closed are written, with an export loss.
     """
     prints, losses = prints_of(request.assembly, request.store, request.workspace.bed, request.report)
-    name = request.assembly.name
-    plates = arrange(prints, request.workspace.bed)
-    return Artifacts(
-        files={f"3mf/{name}_plate_{number}.3mf": encode_3mf(plate) for number, plate in enumerate(plates, 1)},
-        losses=tuple(losses),
-    )
+    files = {
+        f"3mf/{request.assembly.name}{'' if kind == 'fdm' else f'_{kind}'}_plate_{number}.3mf": encode_3mf(plate)
+        for kind, alike in group_by(prints, lambda one: _technique(one.first)).items()
+        for number, plate in enumerate(arrange(alike, request.workspace.bed), 1)
+    }
+    return Artifacts(files=files, losses=tuple(losses))
 
 
 def prints_of(assembly: Assembly, store: Store, bed: Sequence[float], report: Report) -> tuple[list[Print], list[Loss]]:
@@ -94,24 +97,33 @@ def prints_of(assembly: Assembly, store: Store, bed: Sequence[float], report: Re
         if isinstance(one.component.definition, PartDefinition) and one.record is not None and "print" in one.record.meshes
         and make_of(one) == "print"
     )
-    groups = group_by(printed, lambda one: (one.definition, direction_up(one, store), _material(one), tuple(settings_of(one).items())))
-    names = [plain_name(group[0]) for group in groups.values()]
+    groups = list(group_by(printed, lambda one: (
+        one.definition, direction_up(one, store), _material(one), _technique(one), tuple(settings_of(one).items())
+    )).values())
     prints: list[Print] = []
     losses: list[Loss] = []
-    for group, name in zip(groups.values(), names, strict=True):
+    for group, label in zip(groups, _unique_labels([group[0] for group in groups]), strict=True):
         first = group[0]
-        assert isinstance(first.component.definition, PartDefinition) and first.record is not None
+        assert first.record is not None
         mesh = first.record.meshes["print"]
         if not mesh.closed:
             what = f"the surface of `{first.definition.label}` is not closed"
             losses.append(Loss("3mf", None, first.path, what, "approximated", first.origin))
-        label = name if names.count(name) == 1 else first.component.definition.stem
         up, stl = direction_up(first, store), store.read(mesh.sha256)
         vertices, faces = upright(stl, up)
-        count, sideways = len(group), _must_rotate(vertices, label, first, bed, report)
+        pieces, sideways = len(group), _must_rotate(vertices, label, first, bed, report)
         if sideways is not None:
-            prints.append(Print(first=first, count=count, label=label, stl=stl, up=up, vertices=vertices, faces=faces, sideways=sideways))
+            prints.append(Print(first=first, count=pieces, label=label, stl=stl, up=up, vertices=vertices, faces=faces, sideways=sideways))
     return prints, losses
+
+
+def _unique_labels(firsts: Sequence[Occurrence]) -> list[str]:
+    """Return the labels of prints. Different prints of one definition are named after their materials, and then numbered."""
+    labels, unique = labels_of(firsts), list[str]()
+    for label, first in zip(labels, firsts, strict=True):
+        full = label if labels.count(label) == 1 else f"{label}_{_material(first)[0]}"
+        unique.append(next(one for one in chain([full], (f"{full}_{number}" for number in count(2))) if one not in unique))
+    return unique
 
 
 def _must_rotate(vertices: NDArray[np.float64], label: str, first: Occurrence, bed: Sequence[float], report: Report) -> bool | None:
@@ -179,14 +191,14 @@ def encode_3mf(plate: Plate) -> bytes:
     colored_materials = list(dict.fromkeys(_material(print_.first) for print_, _ in plate))
     for name, color in colored_materials:
         SubElement(materials, "base", name=name, displaycolor=color)
-    numbers: dict[str, str] = {}
+    instances = Counter(print_ for print_, _ in plate)
+    numbers = {print_: str(number) for number, print_ in enumerate(instances, 2)}
+    for print_, number in numbers.items():
+        colour = str(colored_materials.index(_material(print_.first)))
+        _add_mesh(SubElement(resources, "object", id=number, name=print_.name, type="model", pid="1", pindex=colour), print_)
+        _add_settings(config, number, print_, instances[print_])
     for print_, place in plate:
-        if print_.name not in numbers:
-            number = numbers[print_.name] = str(len(numbers) + 2)
-            colour = str(colored_materials.index(_material(print_.first)))
-            _add_mesh(SubElement(resources, "object", id=number, name=print_.name, type="model", pid="1", pindex=colour), print_)
-            _add_settings(config, number, print_, sum(other is print_ for other, _ in plate))
-        SubElement(build, "item", objectid=numbers[print_.name], transform=_transform(print_, place))
+        SubElement(build, "item", objectid=numbers[print_], transform=_transform(print_, place))
     stream = BytesIO()
     with ZipFile(stream, "w") as archive:
         for path, content in (("[Content_Types].xml", _TYPES), ("_rels/.rels", _RELATIONSHIPS)):
@@ -236,9 +248,13 @@ def _material(occurrence: Occurrence) -> tuple[str, str]:
     return occurrence.material.name if occurrence.material is not None else "unknown", occurrence.color or GREY
 
 
+def _technique(occurrence: Occurrence) -> str:
+    return occurrence.overrides.process_with(occurrence.material).technique
+
+
 def settings_of(occurrence: Occurrence) -> dict[str, str]:
     """Return the settings of the process of a part, as PrusaSlicer names and writes them. Settings that are not specified are omitted."""
-    process = process_of(occurrence.component, occurrence.material)
+    process = occurrence.overrides.process_with(occurrence.material)
     lengths = {"layer_height": process.layer, "extrusion_width": process.line_width}
     counts = {"perimeters": process.walls, "top_solid_layers": process.top, "bottom_solid_layers": process.bottom}
     return {

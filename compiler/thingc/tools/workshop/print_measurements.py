@@ -10,7 +10,6 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Vector
 from thingc.geometry.print_slices import UPRIGHT
 from thingc.geometry.print_support import STEEPEST, PrintSolid
-from thingc.model.assembly.mass import process_of
 from thingc.model.resolve.types import Material
 from thingc.tools.workshop.plates import Print, upright
 
@@ -27,7 +26,8 @@ class PrintMeasurements(FrozenStruct):
 
     `thinnest_wall` is None if the mesh is not closed, and `thin` is True if the wall is below two line widths. `filament` is the length of
     the filament, `time` the printing time, and `cost` the price of the material of one piece, without support. They are None if the
-    document does not contain the required keys. `better_up` is a direction with less support.
+    document does not contain the required keys. `filament` and `time` are also None if the process is not `fdm`. `better_up` is a direction
+    with less support.
     """
 
     part: str
@@ -53,8 +53,8 @@ def measure_print(print_: Print) -> PrintMeasurements:
     (area, support), (up, least) = solid.support(print_.up), solid.least_support()
     better = least < 0.8 * support
     mass, material = print_.first.properties.mass, print_.first.material or Material(name="", density=None, origin=())
-    process = process_of(print_.first.component, print_.first.material)
-    volume = mass / material.density if material.density else None
+    process = print_.first.overrides.process_with(print_.first.material)
+    volume = mass / material.density if material.density and process.technique == "fdm" else None
     wall, width, layer, time = thinnest_wall(solid, float(np.linalg.norm(vertices.max(axis=0)))), process.line_width, process.layer, None
     x, y, z = (1e-3 * float(length) for length in print_.vertices.max(axis=0).round(4))
     if volume is not None and width is not None and layer is not None and print_.first.record is not None:

@@ -20,7 +20,6 @@ from thingc.documents.checks.stack import KIND, StackCheck
 from thingc.driver.testing.outcomes import ABOVE, BELOW, ROUNDING, Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.model.assembly.interfaces import mount_name
 from thingc.model.assembly.kinematics import neighbourhood, on_loops
-from thingc.model.assembly.mass import process_of
 from thingc.model.assembly.types import Assembly, Mate, MountAt
 from thingc.model.robot.kinematics import body_poses, in_world, occurrence_poses
 from thingc.model.robot.types import Keyframe, Robot
@@ -143,7 +142,7 @@ def _mount_contributions(
     `index` is the index of the part, `direction` a unit vector and `end` the position [m] of the end of the chain, both in the world.
     """
     occurrence = assembly.occurrences[index]
-    process = process_of(occurrence.component, occurrence.material)
+    process = occurrence.overrides.process_with(occurrence.material)
     for name in mounts:
         own = occurrence.mounts[name].tolerance
         tolerance = process.tolerance if own is None else own
