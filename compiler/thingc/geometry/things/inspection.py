@@ -20,6 +20,7 @@ from typing import Any, Literal, TypeAlias, Union, cast
 from build123d.build_enums import Select
 from build123d.topology import Compound, Shape
 
+from thingc.base.suggestions import did_you_mean
 from thingc.geometry.things.actuator import Actuator, check_sourced
 from thingc.geometry.things.construction import create_thing, family_signature, make
 from thingc.geometry.things.mounts import MountPoint
@@ -28,6 +29,8 @@ from thingc.geometry.things.signature import Signature, annotation_of, signature
 from thingc.geometry.things.thing import Geometry, Thing
 
 PartLike: TypeAlias = "type[Thing] | type[Shape[Any]] | Callable[..., Shape[Any]]"
+BOM_KEYS = ("number", "name", "supplier", "cost", "make", "link")
+"""The keys of the attribute `bom` of a Thing. Only documents and catalogues contain pictures and prices by quantity."""
 Vector: TypeAlias = tuple[float, float, float]
 Matrix: TypeAlias = tuple[Vector, Vector, Vector]
 
@@ -259,10 +262,14 @@ def color_of(thing: Thing) -> str | None:
 
 
 def bom_of(thing: Thing) -> dict[str, str]:
-    """Return the entries of the part for the bill of materials. Raises `TypeError` if the attribute `bom` is not a mapping of strings."""
-    bom = thing.bom
+    """Return the entries of the part for the bill of materials. Raises `TypeError` if the attribute `bom` is not a mapping of strings, or
+    if it has a key that is not in `BOM_KEYS`.
+    """
+    bom, what = thing.bom, f"`bom` of `{type(thing).__name__}`"
     if not isinstance(bom, Mapping) or not all(isinstance(text, str) for pair in bom.items() for text in pair):
-        raise TypeError(f"`bom` of `{type(thing).__name__}` must map strings to strings, found {bom!r}")
+        raise TypeError(f"{what} must map strings to strings, found {bom!r}")
+    for key in sorted(bom.keys() - BOM_KEYS):
+        raise TypeError(f"{what} has the unknown key `{key}`: {did_you_mean(key, BOM_KEYS, what='keys')}")
     return dict(bom)
 
 

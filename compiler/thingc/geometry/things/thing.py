@@ -37,7 +37,7 @@ class Thing(Framed, metaclass=ThingType):
     """
 
     bom: Mapping[str, str] = MappingProxyType({})
-    """Entries for the bill of materials. The keys are `number`, `supplier`, `cost` and `make` (`buy | print | machine`)."""
+    """Entries for the bill of materials. The keys are `number`, `name`, `supplier`, `cost`, `link` and `make` (`buy | print | machine`)."""
     print: Mapping[str, Sequence[float]] = MappingProxyType({})
     """Print settings of the part. The key `up` is the direction away from the print bed, as three numbers in the frame of the Thing. By
     default, this direction is z.

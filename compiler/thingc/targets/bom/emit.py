@@ -65,10 +65,9 @@ def make_of(occurrence: Occurrence) -> str:
     """
     if occurrence.unit is not None:
         return occurrence.unit.bom.make or "buy"
-    record = occurrence.record
     if occurrence.bom.make is not None:
         return occurrence.bom.make
-    if record is None or record.box is None:
+    if occurrence.record is None or occurrence.record.box is None:
         return "buy"
     kind = occurrence.overrides.process_with(occurrence.material).technique.lower()
     return "buy" if kind == "bought" else "machine" if kind in MACHINED else "print"

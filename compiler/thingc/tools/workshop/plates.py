@@ -100,8 +100,7 @@ def prints_of(assembly: Assembly, store: Store, bed: Sequence[float], report: Re
     groups = list(group_by(printed, lambda one: (
         one.definition, direction_up(one, store), _material(one), _technique(one), tuple(settings_of(one).items())
     )).values())
-    prints: list[Print] = []
-    losses: list[Loss] = []
+    prints, losses = list[Print](), list[Loss]()
     for group, label in zip(groups, _unique_labels([group[0] for group in groups]), strict=True):
         first = group[0]
         assert first.record is not None
