@@ -123,7 +123,7 @@ def test_many_parts_are_on_several_plates_and_the_bytes_are_the_same(tmp_path: P
 
 VARIED = ROBOT.replace("""
 defaults:""", """
-  petg: {density: 1270 kg/m^3, color: red, process: {kind: fdm, layer: 0.3 mm}}
+  petg: {density: 1270 kg/m^3, color: red, process: {layer: 0.3 mm}}
   clear: {density: 1140 kg/m^3, process: {kind: resin, layer: 0.05 mm}}
 defaults:""") + """\
   red: {file: wedge.stl, material: petg, at: {in: base.origin, xyz: 0 0 -100 mm}, print: {up: [1, 0, 0]}}
