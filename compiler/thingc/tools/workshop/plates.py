@@ -79,12 +79,11 @@ def emit(request: EmitRequest) -> Artifacts:
     A part that does not fit on the bed is an error. Parts with a mesh that is not closed are written, with an export loss.
     """
     prints, losses = prints_of(request.assembly, request.store, request.workspace.bed, request.report)
-    files = {
+    return Artifacts(files={
         f"3mf/{request.assembly.name}{'' if kind == 'fdm' else f'_{kind}'}_plate_{number}.3mf": encode_3mf(plate)
         for kind, alike in group_by(prints, lambda one: _technique(one.first)).items()
         for number, plate in enumerate(arrange(alike, request.workspace.bed), 1)
-    }
-    return Artifacts(files=files, losses=tuple(losses))
+    }, losses=tuple(losses))
 
 
 def prints_of(assembly: Assembly, store: Store, bed: Sequence[float], report: Report) -> tuple[list[Print], list[Loss]]:
