@@ -78,6 +78,52 @@ def test_working_tree_and_single_document(repository: Path, capsys: pytest.Captu
     assert {c["path"] for c in run_diff_json(capsys, "HEAD", "crane.yaml")["changes"] if not c["because"]} == {"hook"}
 
 
+def urdf(mass: str) -> str:
+    inertia = "".join(f' {key}="{1e-3 if key[1] == key[2] else 0}"' for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
+    return f'<robot name="r"><link name="a"><inertial><mass value="{mass}"/><inertia{inertia}/></inertial></link></robot>\n'
+
+
+@pytest.fixture
+def robot_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A repository whose last commit changes, adds and removes robot files, and changes an XML file of another kind."""
+    folder = tmp_path / "urdf"
+    folder.mkdir()
+    git(folder, "init", "-q")
+    (folder / "unchanged.urdf").write_text("neither read nor compared")
+    for mass, project, name in (("0.2", "old", "removed"), ("0.3", "new", "added")):
+        (folder / "arm.urdf").write_text(urdf(mass))
+        (folder / "pom.xml").write_text(f"<project>{project}</project>")
+        (folder / "removed.urdf").unlink(missing_ok=True)
+        (folder / f"{name}.urdf").write_text(urdf("7"))
+        git(folder, "add", "-A")
+        git(folder, "commit", "-qm", project)
+    monkeypatch.setenv("THINGC_STORE", str(tmp_path / "store"))
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def test_changed_robot_files_are_compared(robot_files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = run_diff_json(capsys, "HEAD~1..HEAD", "--fail-on", "mass", code=1)["changes"]
+    assert [(c["change"], c["path"]) for c in found if c["what"] == "file"] == [("added", "added.urdf"), ("removed", "removed.urdf")]
+    assert [(c["old"], c["new"]) for c in found if c["field"] == "robot.mass"] == [(0.2, 0.3)]
+    assert said(capsys, "HEAD") == "HEAD -> working tree: no changes in meaning\n"
+    (robot_files / "arm.urdf").write_text(urdf("0.45"))
+    (robot_files / "pom.xml").write_text("<project/>")
+    assert "component a: mass.value 300 g -> 450 g (+50 %)" in said(capsys, "HEAD")
+    skipped = "arm.urdf: changed, but not compared because of --no-code"
+    assert said(capsys, "HEAD", "--no-code") == f"~ {skipped}\n"
+    assert said(capsys, "HEAD", "--no-code", "--format", "markdown").splitlines()[1] == f"- `arm.urdf` is {skipped.partition(': ')[2]}"
+    said(capsys, "HEAD", "--no-code", "--fail-on", "file", code=1)
+
+
+def test_changed_robot_files_are_compared_as_mechanisms(robot_files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["same", "HEAD"]) == 0
+    assert capsys.readouterr().out == "HEAD -> working tree: nothing to compare: no document and no robot file changed\n"
+    (robot_files / "arm.urdf").write_text(urdf("0.45"))
+    assert main(["same", "HEAD"]) == 1
+    assert "mass of a: 0.3 kg -> 0.45 kg" in capsys.readouterr().out
+
+
 def test_three_dots_compare_with_the_merge_base(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
     git(repository, "checkout", "-q", "main")
     write(repository / "robots", ("max: 2.6 kg", "max: 2.7 kg"))

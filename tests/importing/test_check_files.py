@@ -138,7 +138,7 @@ def test_workspace_around_a_robot_file_is_ignored(here: Path, capsys: pytest.Cap
     assert main(["check", "fixed.urdf", "."]) == 0
     assert capsys.readouterr().out.endswith("fixed.urdf: ok\n2 documents checked, all ok\n")
     assert main(["check", "fixed.urdf", "--fix"]) == 2
-    assert "`fixed.urdf` is not a document" in capsys.readouterr().out
+    assert "--fix changes only documents, not `fixed.urdf`" in capsys.readouterr().out
 
 
 def test_info_accepts_a_robot_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

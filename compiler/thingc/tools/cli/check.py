@@ -30,6 +30,7 @@ from thingc.driver import pipeline, up_to_date
 from thingc.driver.environment import Environment, Options, store_of, with_environment
 from thingc.driver.pipeline import Compilation
 from thingc.tools.cli import console, robot_files
+from thingc.tools.importing.import_request import changed_robots, select_robot_files
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -56,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.document and arguments.touched:
         raise console.WrongCommandLine("--touched requires changed files", "pass the output of `git diff --name-only main...`")
     words = arguments.document or ["."]
-    robots = (robot_files.changed_robots if arguments.touched else robot_files.select_robot_files)(words)
+    robots = (changed_robots if arguments.touched else select_robot_files)(words)
     documents = [word for word in words if word not in robots]
     if arguments.touched and not arguments.no_code:
         from thingc.tools.cli.touched import documents as touched
@@ -68,7 +69,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.fix or arguments.diff:
         from thingc.tools.cli.autofix import run_fix
 
-        return run_fix(arguments, documents if arguments.touched else [*documents, *robots], options, report_of)
+        if arguments.fix and robots and not arguments.touched:
+            raise console.WrongCommandLine(f"--fix changes only documents, not `{robots[0]}`", "omit --fix, or this file")
+        return run_fix(arguments, documents, options, report_of)
     of = len(documents) + len(robots) if folders else None
     check_document: Callable[[str], list[Diagnostic]] = partial(check, options=options, strict=strict)
     check_robot = partial(robot_files.check_robot, options=options, source=source, strict=strict)

@@ -139,7 +139,7 @@ def _answer(arguments: argparse.Namespace, request: ComparisonRequest, options: 
 
         console.refuse_modules_of_others()
         work = partial(_compare_sandboxed, work, console.time_of("--time-limit", arguments.time_limit))
-    return compare_documents(*names, laid_out(request, stack, code=options.code), work)
+    return compare_documents(*names, laid_out(request, stack, code=options.code), work, code=options.code)
 
 
 def _compare_sandboxed(work: Callable[[DocumentPair], Comparison], seconds: float, both: DocumentPair) -> Comparison:

@@ -23,6 +23,7 @@ from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.model.robot.loop_cuts import cut_priorities
 from thingc.model.robot.types import Robot
 from thingc.tools.cli import console, robot_files
+from thingc.tools.importing.import_request import select_robot_files
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -40,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     options = console.options_of(arguments)
     if arguments.no_code and arguments.document.lower().endswith(".xacro"):
         raise console.WrongCommandLine("--no-code cannot be used with a xacro file", "expand the file with `xacro`")
-    if robot_files.select_robot_files([arguments.document]):
+    if select_robot_files([arguments.document]):
         from thingc.tools.importing.imported_document import compile_robot
 
         compilation = compile_robot(arguments.document, options, robot_files.import_request(arguments))

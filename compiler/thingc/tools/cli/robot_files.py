@@ -4,25 +4,20 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import shlex
-from collections.abc import Iterable
 
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
-from thingc.base.filesystem import beginning
 from thingc.base.one_line_repr import format_count
 from thingc.base.source import line_of
 from thingc.driver.environment import Options
 from thingc.driver.up_to_date import from_plain, to_plain
 from thingc.tools.cli import console
-from thingc.tools.importing.import_request import ENDINGS, ImportRequest
+from thingc.tools.importing.import_request import ImportRequest
 
 Result = tuple[list[Diagnostic], "str | None"]
 """The diagnostics of a robot file, and a remark about information that was not checked."""
-_HIDDEN = re.compile(rb"<!--.*?-->|<\?.*?\?>|<!DOCTYPE[^>]*>", re.DOTALL)
-_ROOT = re.compile(rb"<([\w:.-]+)([^>]*)>")
 
 
 def configure(parser: argparse.ArgumentParser, *, meshes: bool = True) -> None:
@@ -79,38 +74,6 @@ def _argument(word: str) -> tuple[str, str]:
     if not name or not equals:
         raise console.WrongCommandLine(f"--arg: expected NAME=VALUE, found `{word}`", "write --arg prefix=left_")
     return name, value
-
-
-def select_robot_files(files: Iterable[str]) -> list[str]:
-    """Return the paths that have the suffix of a robot file of another format, without folders."""
-    return [file for file in files if file.lower().endswith(ENDINGS) and not os.path.isdir(file)]
-
-
-def changed_robots(files: Iterable[str]) -> list[str]:
-    """Return the robot files among changed files.
-
-    Deleted files, XML files of other kinds, and files that only other robot files include are omitted.
-    """
-    return [file for file in select_robot_files(files) if os.path.isfile(file) and _is_whole(file)]
-
-
-def _is_whole(path: str) -> bool:
-    """Return whether a file contains a robot: a named URDF or xacro robot, an SDF file, or a MuJoCo model with bodies.
-
-    A `.urdf` or `.sdf` file that cannot be read also counts, because the check reports the error.
-    """
-    from thingc.tools.importing.xml_source import MOST_BYTES
-
-    try:
-        data = _HIDDEN.sub(b"", beginning(path, MOST_BYTES))
-    except OSError:
-        return True
-    root = _ROOT.search(data)
-    tag, attributes = (root[1], root[2]) if root is not None else (b"", b"")
-    if tag == b"robot":
-        return re.search(rb"\sname\s*=", attributes) is not None
-    is_model = tag == b"mujoco" and b"<worldbody" in data and re.search(rb"<(?:body|include)\b", data) is not None
-    return is_model or path.lower().endswith((".urdf", ".sdf"))
 
 
 def check_robot(path: str, options: Options, source: ImportRequest, *, strict: bool) -> Result:

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 
 from thingc.base.diagnostics import shown_path
 from thingc.tools.cli import console
-from thingc.tools.cli.robot_files import changed_robots
+from thingc.tools.importing.import_request import changed_robots
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

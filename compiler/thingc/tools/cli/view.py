@@ -37,6 +37,7 @@ from thingc.targets.artifact import MANIFEST
 from thingc.targets.html.emit import Page, page_of
 from thingc.tools.cli import console, robot_files
 from thingc.tools.cli.watch import Lines, hopeless, until_interrupted
+from thingc.tools.importing.import_request import select_robot_files
 from thingc.tools.live.rebuild_loop import Rebuild, RebuildLoop
 from thingc.tools.live.server import Server, findings_of
 
@@ -70,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
     if os.path.isdir(arguments.document) or _is_page(arguments.document):
         return _open_build(arguments)
     options = console.options_of(arguments)
-    if robot_files.select_robot_files([arguments.document]):
+    if select_robot_files([arguments.document]):
         if arguments.against is not None:
             raise console.WrongCommandLine("--against is only supported for documents", "import the robot, and view the document")
         from thingc.tools.cli.view_robot_file import view_robot_file

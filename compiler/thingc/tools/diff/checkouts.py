@@ -24,7 +24,7 @@ from thingc.tools.diff.comparison import Comparison, compare
 from thingc.tools.diff.revisions import Repository, Revision
 from thingc.tools.diff.snapshot import Change, Snapshot
 from thingc.tools.diff.surface_distance import SurfaceDistances
-from thingc.tools.importing.import_request import ENDINGS, ImportRequest
+from thingc.tools.importing.import_request import ENDINGS, ImportRequest, changed_robots, select_robot_files
 
 T = TypeVar("T")
 SourceOf = Callable[[Span], "Span | None"]
@@ -120,16 +120,22 @@ def _find_checkout(repository: Repository, state: Revision | None, path: str) ->
 
 
 def _affected_documents(repository: Repository, request: ComparisonRequest, states: Sequence[Revision | None], cwd: str) -> list[str]:
-    """Return the documents below the working folder that depend on a changed file. Nested documents without modes are omitted."""
+    """Return the documents below the working folder that depend on a changed file, and the changed robot files of other formats.
+
+    Nested documents without modes, and files that only other robot files include, are omitted.
+    """
     changed = changed_paths(cwd, request.old.place, *filter(None, [request.new.place]), trusted=repository.trusted)
     if not changed:
         return []
     folder = repository.path(os.path.join(cwd, "document")).rpartition("/")[0]
     documents: dict[str, None] = {}
+    robots = select_robot_files(changed)
     for state in states:
         top = repository.top if state is None else state.root
         if state is not None:
             state.lay_out(state.documents(folder or "."))
+            state.write(robots)
+        documents |= {path: None for path in robots if changed_robots([os.path.join(top, path)])}
         below = os.path.join(top, *folder.split("/")) if folder else top
         if os.path.isdir(below):
             roots = affected_documents([os.path.join(top, path) for path in changed], below, None).roots

@@ -14,39 +14,40 @@ from thingc.base.source import Span
 from thingc.driver.up_to_date import from_plain, to_plain
 from thingc.tools.diff.checkouts import BrokenSide, DocumentPair
 from thingc.tools.diff.comparison import Comparison
-from thingc.tools.diff.snapshot import Change
+from thingc.tools.diff.snapshot import Change, How
+from thingc.tools.importing.import_request import select_robot_files
 
 
 class DiffResult(OneLineRepr, FrozenStruct):
     """The result of comparing the documents of two sides, such as two git commits. The sides have the names `old` and `new`.
 
-    `documents` maps the name of each document that exists on both sides to its comparison. `come` are the documents that exist only on the
-    new side. `gone` are the documents that exist only on the old side.
+    `documents` maps the name of each compared document to its comparison. `alone` are changes of kind `file`: documents that exist only on
+    one side, and changed robot files that were not compared, because the option `--no-code` does not allow it.
     """
 
     old: str
     new: str
     documents: tuple[tuple[str, Comparison], ...]
-    come: tuple[str, ...] = ()
-    gone: tuple[str, ...] = ()
+    alone: tuple[Change, ...] = ()
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """All changes in the compared documents. An added or removed document is a change of kind `file`."""
-        alone = [Change(what="file", change="added", path=name) for name in self.come]
-        alone += [Change(what="file", change="removed", path=name) for name in self.gone]
-        return (*alone, *(change for _, comparison in self.documents for change in comparison.changes))
+        """All changes in the compared documents, after the changes of whole documents."""
+        return (*self.alone, *(change for _, comparison in self.documents for change in comparison.changes))
 
 
 def compare_documents(
-    old: str, new: str, pairs: Sequence[DocumentPair], compare: Callable[[DocumentPair], Comparison],
+    old: str, new: str, pairs: Sequence[DocumentPair], compare: Callable[[DocumentPair], Comparison], *, code: bool,
 ) -> DiffResult:
-    """Compare all documents of two sides, and return the result. Raises `BrokenSide`."""
-    return DiffResult(
-        old=old, new=new,
-        documents=tuple((both.name, compare(both)) for both in pairs if both.old is not None and both.new is not None),
-        come=tuple(both.name for both in pairs if both.old is None), gone=tuple(both.name for both in pairs if both.new is None),
-    )
+    """Compare all documents of two sides, and return the result. If `code` is false, omit robot files. Raises `BrokenSide`."""
+    documents, alone = list[tuple[str, Comparison]](), list[Change]()
+    for both in pairs:
+        how: How = "added" if both.old is None else "removed" if both.new is None else "changed"
+        if how == "changed" and (code or not select_robot_files([both.name])):
+            documents.append((both.name, compare(both)))
+        else:
+            alone.append(Change(what="file", change=how, path=both.name))
+    return DiffResult(old=old, new=new, documents=tuple(documents), alone=tuple(sorted(alone, key=lambda one: one.change)))
 
 
 def as_json(answer: DiffResult) -> dict[str, object]:
@@ -56,7 +57,7 @@ def as_json(answer: DiffResult) -> dict[str, object]:
     mechanism with other joint zeros or signs.
     """
     several = len(answer.documents) > 1
-    changes = [_entry(change) for change in answer.changes[: len(answer.come) + len(answer.gone)]]
+    changes = [_entry(change) for change in answer.alone]
     for name, comparison in answer.documents:
         changes += [{**_entry(change), **({"document": name} if several else {})} for change in comparison.changes]
     same = {name: comparison.mechanism for name, comparison in answer.documents if comparison.mechanism}

@@ -109,17 +109,17 @@ class Revision:
         waiting = [path for path in documents if path in self._files]
         for robot in (path for path in waiting if path.lower().endswith(ENDINGS)):  # with the files of its ROS package or folder
             package = next((one for one in _above(robot) if posixpath.join(one, "package.xml") in self._files), posixpath.dirname(robot))
-            self._bring(path for path in self._files if path.startswith(f"{package}/" if package else ""))
+            self.write(path for path in self._files if path.startswith(f"{package}/" if package else ""))
         settings = {
             posixpath.join(folder, name) for path in documents for folder in _above(path) for name in (OWN_FILE, SHARED_FILE, LOCK_FILE)
         }
-        contents = self._bring(settings)
-        self._bring(read for path, data in contents.items() if path.endswith(LOCK_FILE) for read in _reads(path, data))
+        contents = self.write(settings)
+        self.write(read for path, data in contents.items() if path.endswith(LOCK_FILE) for read in _reads(path, data))
         folders = {folder for path, data in contents.items() for folder in _parts(path, data)}
         folders |= {posixpath.join(folder, name) for path in documents for folder in _above(path) for name in DEFAULT_PARTS}
-        self._bring(path for path in self._files if any(path.startswith(f"{folder}/") for folder in folders))
+        self.write(path for path in self._files if any(path.startswith(f"{folder}/") for folder in folders))
         while waiting:
-            contents = self._bring(waiting)
+            contents = self.write(waiting)
             waiting = [
                 named for path, data in contents.items() if path.lower().endswith(DOCUMENT_SUFFIXES) for named in _names(path, data)
                 if named in self._files and named not in self._there
@@ -127,9 +127,9 @@ class Revision:
 
     def everything(self) -> bool:
         """Write all files of the revision to the temporary folder. Return False if an earlier call already wrote all files."""
-        return bool(self._bring(self._files))
+        return bool(self.write(self._files))
 
-    def _bring(self, paths: Iterable[str]) -> dict[str, bytes]:
+    def write(self, paths: Iterable[str]) -> dict[str, bytes]:
         """Write the given files to the temporary folder, except files that already exist.
 
         Return the contents of the files that were written.

@@ -32,6 +32,7 @@ LARGEST = 60_000
 """Maximum size [bytes] of a Markdown comment."""
 
 _SIGNS: dict[How, str] = {"added": "+", "removed": "-", "renamed": "~", "moved": "~", "changed": " "}
+_ALONE: dict[How, str] = {"added": "new", "removed": "gone", "changed": "changed, but not compared because of --no-code"}
 TITLES: dict[What, str] = {
     "mass": "masses", "bom": "bill of materials", "file": "files to print again", "test": "tests", "joint": "joints", "mode": "modes",
     "pose": "poses", "component": "places", "geometry": "geometry", "mate": "mates", "parameter": "parameters", "mount": "mounts",
@@ -65,9 +66,9 @@ class ReportLine(FrozenStruct):
 
 def as_text(answer: DiffResult) -> Iterator[str]:
     """Format the result of a comparison as lines for a terminal."""
-    for sign, names in (("+", answer.come), ("-", answer.gone)):
-        yield from (f"{sign} {name}" for name in names)
-    if not answer.documents and not answer.come and not answer.gone:
+    for one in answer.alone:
+        yield f"{_SIGNS[one.change]} {one.path}{f': {_ALONE[one.change]}' if one.change == 'changed' else ''}"
+    if not answer.documents and not answer.changes:
         yield f"{answer.old} -> {answer.new}: {NOTHING}"
     for name, comparison in answer.documents:
         if not comparison.changes:
@@ -106,10 +107,9 @@ def as_markdown(answer: DiffResult, pictures: Callable[[str, str], str] | None =
 
 def _markdown(answer: DiffResult, limit: int, pictures: Callable[[str, str], str] | None) -> Iterator[str]:
     yield f"### {_code(answer.old)} → {_code(answer.new)}"
-    for verb, names in (("new", answer.come), ("gone", answer.gone)):
-        yield from (f"- {_code(name)} is {verb}" for name in names[:limit])
+    yield from (f"- {_code(one.path)} is {_ALONE[one.change]}" for one in answer.alone[:limit])
     if not any(comparison.changes for _, comparison in answer.documents):
-        yield f"\n{NOTHING.capitalize()}." if not answer.come and not answer.gone else ""
+        yield "" if answer.changes else f"\n{NOTHING.capitalize()}."
     for name, comparison in answer.documents:
         if not comparison.changes:
             continue
@@ -289,8 +289,7 @@ def as_html(differences: DiffResult) -> str:
 
 
 def _body(differences: DiffResult) -> Iterator[str]:
-    for verb, names in (("new", differences.come), ("gone", differences.gone)):
-        yield from (f"<p><code>{html_text(name)}</code> is {verb}</p>" for name in names)
+    yield from (f"<p><code>{html_text(one.path)}</code> is {_ALONE[one.change]}</p>" for one in differences.alone)
     for name, comparison in differences.documents:
         yield f"<h2><code>{html_text(name)}</code></h2>"
         if not comparison.changes:

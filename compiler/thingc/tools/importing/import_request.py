@@ -1,13 +1,14 @@
-"""The request for importing a robot from a file of another format. This module is fast to import."""
+"""Files of other formats that contain robots, and the request for importing such a file. This module is fast to import."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.filesystem import listing
+from thingc.base.filesystem import beginning, listing
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import file_meant
 
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 
 ENDINGS = (".urdf", ".xml", ".sdf", ".xacro")
 """Suffixes of robot files."""
+_HIDDEN = re.compile(rb"<!--.*?-->|<\?.*?\?>|<!DOCTYPE[^>]*>", re.DOTALL)
+_ROOT = re.compile(rb"<([\w:.-]+)([^>]*)>")
 Repair = Literal["nearest", "shapes"]
 """Methods for repairing invalid inertias."""
 
@@ -43,6 +46,38 @@ class ImportRequest(FrozenStruct):
 
 PLAIN = ImportRequest()
 """A request without options."""
+
+
+def select_robot_files(files: Iterable[str]) -> list[str]:
+    """Return the paths that have the suffix of a robot file of another format, without folders."""
+    return [file for file in files if file.lower().endswith(ENDINGS) and not os.path.isdir(file)]
+
+
+def changed_robots(files: Iterable[str]) -> list[str]:
+    """Return the robot files among changed files.
+
+    Deleted files, XML files of other kinds, and files that only other robot files include are omitted.
+    """
+    return [file for file in select_robot_files(files) if os.path.isfile(file) and _is_whole(file)]
+
+
+def _is_whole(path: str) -> bool:
+    """Return whether a file contains a robot: a named URDF or xacro robot, an SDF file, or a MuJoCo model with bodies.
+
+    A `.urdf` or `.sdf` file that cannot be read also counts, because the check reports the error.
+    """
+    from thingc.tools.importing.xml_source import MOST_BYTES
+
+    try:
+        data = _HIDDEN.sub(b"", beginning(path, MOST_BYTES))
+    except OSError:
+        return True
+    root = _ROOT.search(data)
+    tag, attributes = (root[1], root[2]) if root is not None else (b"", b"")
+    if tag == b"robot":
+        return re.search(rb"\sname\s*=", attributes) is not None
+    is_model = tag == b"mujoco" and b"<worldbody" in data and re.search(rb"<(?:body|include)\b", data) is not None
+    return is_model or path.lower().endswith((".urdf", ".sdf"))
 
 
 def refuse_unreadable(path: str, fault: OSError, suffixes: tuple[str, ...], report: Report) -> None:
