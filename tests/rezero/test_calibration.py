@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import random
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
@@ -77,6 +78,24 @@ def test_the_motors_of_lerobot(here: Path) -> None:
         "pan": {"id": 1, "model": "sts3215", "norm_mode": "degrees"}, "lift": {"id": 2, "model": "sts3215", "norm_mode": "degrees"},
         "wheel": {"id": 7, "model": "xl330", "norm_mode": "degrees"},
     }
+
+
+def test_reversed_motors_of_lerobot_are_reported(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """LeRobot computes degrees as `(value - middle) * 360 / most`, without `drive_mode`, so the angle increases with the encoder value."""
+    for form in ("lerobot", "lerobot_motors"):
+        emitted(here, form)
+        found = capsys.readouterr().err
+        assert found.count("warning[TC801]") == 1 and "moves joint `pan` in the wrong direction" in found
+        assert "--> left.calibration.yaml:3:" in found
+        command = re.search("`thingc (rezero .*)`", found)
+    emitted(here, "python")
+    assert capsys.readouterr().err == ""
+    assert main(["calibration", "arm.yaml", "left.calibration.yaml", "--emit", "lerobot", "-o", "strict", "--strict"]) == 2
+    assert not (here / "strict").exists()
+    assert command is not None and main(command[1].split()) == 0
+    capsys.readouterr()
+    emitted(here, "lerobot", (here / "left.calibration.yaml").read_text())
+    assert capsys.readouterr().err == ""
 
 
 def test_python(here: Path) -> None:

@@ -302,6 +302,11 @@ def test_moving_back_restores_the_values(here: Path, capsys: pytest.CaptureFixtu
     after = document.read_text()
     assert "limit: {lower: -20 mm, upper: 3 cm}" in after
     assert "slide: 0.5 cm" in after and "w*\": 20 deg" in after and "rest: =top / 2 + 90 deg - 90 deg" in after
+    capsys.readouterr()
+    assert main(["rezero", "rig.yaml", "slide=0 mm"]) == 0
+    assert capsys.readouterr().out == "nothing changes: all zeros and directions stay the same\n" and document.read_text() == after
+    assert main(["set", "rig.yaml", "joints.slide.zero=5 mm"]) == 2
+    assert "use `thingc rezero rig.yaml 'slide=5 mm'`" in capsys.readouterr().out
 
 
 def test_same_and_diff_name_exactly_these_zeros(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,13 +6,13 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from pprint import pformat
 
-from thingc.base.diagnostics import UserError
+from thingc.base.diagnostics import Code, Report, Severity, UserError, shown_path
 from thingc.model.robot.types import Robot
 from thingc.targets.name_mangling import safe
 from thingc.targets.ros.control import ros2_control
 from thingc.targets.ros.joints import joints
 from thingc.targets.xml_writer import write
-from thingc.tools.calibration.calibration import CalibratedJoint
+from thingc.tools.calibration.calibration import CalibratedJoint, Calibration
 
 Joints = Sequence[CalibratedJoint]
 
@@ -46,6 +46,16 @@ def lerobot_motors(calibration: Joints, robot: Robot) -> str:
     if nameless is not None:
         raise ExportRefused(f"LeRobot requires the motor model of joint `{nameless.joint.name}`", "write, for example, `model: sts3215`")
     return _json({safe(one.joint.path): {"id": one.id, "model": one.model, "norm_mode": "degrees"} for one in calibration})
+
+
+def warn_reversed(calibration: Calibration, robot: str, report: Report) -> None:
+    """Warn about motors with `sign: -1`, because LeRobot ignores `drive_mode` if `norm_mode` is `degrees`. `robot` is a document."""
+    for one in (one for one in calibration.joints if one.sign < 0):
+        message = f"LeRobot moves joint `{one.joint.name}` in the wrong direction, because it ignores `sign: -1`"
+        command = f"thingc rezero {robot} --flip {one.joint.name} --calibration {shown_path(calibration.document.path)}"
+        span = calibration.document.span(("joints", str(one.joint.name), "sign"))
+        help = f"reverse the joint with `{command}`"
+        report.add(Code.COMMAND_LINE, message, span, help=help, severity=Severity.WARNING)
 
 
 def ros2_control_block(calibration: Joints, robot: Robot) -> str:

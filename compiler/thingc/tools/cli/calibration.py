@@ -21,7 +21,7 @@ from thingc.driver.environment import Environment
 from thingc.driver.pipeline import Compilation
 from thingc.model.assembly.types import Assembly
 from thingc.tools.calibration.calibration import read_calibration
-from thingc.tools.calibration.exports import EXPORTS, ExportRefused
+from thingc.tools.calibration.exports import EXPORTS, ExportRefused, warn_reversed
 from thingc.tools.cli import console
 
 
@@ -56,6 +56,8 @@ def _check_output(arguments: argparse.Namespace) -> None:
 def _convert(arguments: argparse.Namespace, _: Environment, compilation: Compilation, assembly: Assembly) -> None:
     """Check the calibration, and write the output. Raises `WrongCommandLine`."""
     calibration = read_calibration(arguments.calibration, assembly, compilation.report)
+    if calibration is not None and arguments.emit in ("lerobot", "lerobot_motors"):
+        warn_reversed(calibration, arguments.document, compilation.report)
     if calibration is None or console.exit_code(console.final(compilation.report, strict=arguments.strict)):
         return
     if arguments.emit is None:

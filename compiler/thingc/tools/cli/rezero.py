@@ -41,7 +41,10 @@ def run(arguments: argparse.Namespace) -> int:
         console.require_document(document)
     options, shifts = console.options_of(arguments), _shifts(arguments)
     calibrations, strict, dry = arguments.calibration, arguments.strict, arguments.diff
-    return report_edit(rezero(arguments.document, shifts, options, calibrations=calibrations, strict=strict, dry=dry), arguments, diff=dry)
+    result = rezero(arguments.document, shifts, options, calibrations=calibrations, strict=strict, dry=dry)
+    if arguments.format == "text" and not result.done and not console.exit_code(result.found):
+        console.say("nothing changes: all zeros and directions stay the same")
+    return report_edit(result, arguments, diff=dry)
 
 
 def _shifts(arguments: argparse.Namespace) -> list[JointShift]:

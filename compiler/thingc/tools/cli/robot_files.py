@@ -39,7 +39,8 @@ def configure(parser: argparse.ArgumentParser, *, meshes: bool = True) -> None:
 def import_request(arguments: argparse.Namespace) -> ImportRequest:
     """Convert the command-line arguments to options for reading robot files. Raises `WrongCommandLine` for an invalid value."""
     return ImportRequest(
-        packages=dict(map(_package, arguments.package)), arguments=dict(map(_argument, arguments.arg)), meshes=not arguments.no_meshes,
+        packages=dict(_pair("--package", word, "DIR with a folder", "my_robot=../my_robot") for word in arguments.package),
+        arguments=dict(_pair("--arg", word, "VALUE", "prefix=left_") for word in arguments.arg), meshes=not arguments.no_meshes,
         mesh_roots=tuple(map(_folder, arguments.mesh_root)), repair=arguments.repair,
     )
 
@@ -52,13 +53,12 @@ def _repair(text: str) -> str:
     return method
 
 
-def _package(word: str) -> tuple[str, str]:
-    """Parse a value of the option `--package NAME=DIR`. Raises `WrongCommandLine`."""
-    name, _, folder = word.partition("=")
-    if not name or not os.path.isdir(folder):
-        message = f"--package: expected NAME=DIR with a folder, found `{word}`"
-        raise console.WrongCommandLine(message, "write --package my_robot=../my_robot")
-    return name, folder
+def _pair(option: str, word: str, value: str, example: str) -> tuple[str, str]:
+    """Parse a value of the option `--package` or `--arg`, which is NAME=DIR or NAME=VALUE. Raises `WrongCommandLine`."""
+    name, equals, text = word.partition("=")
+    if not name or not equals or option == "--package" and not os.path.isdir(text):
+        raise console.WrongCommandLine(f"{option}: expected NAME={value}, found `{word}`", f"write {option} {example}")
+    return name, text
 
 
 def _folder(word: str) -> str:
@@ -66,14 +66,6 @@ def _folder(word: str) -> str:
     if not os.path.isdir(word):
         raise console.WrongCommandLine(f"--mesh-root: expected a folder, found `{word}`", "write --mesh-root ../meshes")
     return os.path.abspath(word)
-
-
-def _argument(word: str) -> tuple[str, str]:
-    """Parse a value of the option `--arg NAME=VALUE`. Raises `WrongCommandLine`."""
-    name, equals, value = word.partition("=")
-    if not name or not equals:
-        raise console.WrongCommandLine(f"--arg: expected NAME=VALUE, found `{word}`", "write --arg prefix=left_")
-    return name, value
 
 
 def check_robot(path: str, options: Options, source: ImportRequest, *, strict: bool) -> Result:

@@ -60,7 +60,9 @@ def run(arguments: argparse.Namespace) -> int:
             {"document": name, **to_builtins(result)} for name, result in results
         ]})
     else:
+        if not results:
+            console.say(f"{names[0]} -> {names[1]}: nothing to compare: no document and no robot file changed")
         for name, result in results:
-            head, *lines = as_text(result)
+            head, *lines = as_text(result, names)
             console.say(f"{name}: {head}", *lines)
     return 0 if all(result.same for _, result in results) else 1

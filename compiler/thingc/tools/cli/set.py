@@ -36,8 +36,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run `thingc set`, and return the exit code, which is 0 if the values were written (with `--diff`: can be written)."""
     console.require_document(arguments.document)
-    options = replace(console.options_of(arguments), code=not arguments.no_code)
-    return write(arguments.document, settings(arguments.value), options, arguments, diff=arguments.diff)
+    options, values = replace(console.options_of(arguments), code=not arguments.no_code), settings(arguments.value)
+    for keys in (path.split(".") for path in values):
+        if keys[0] == "joints" and keys[2:] == ["zero"]:
+            help = f"to move the zero of the joint, use `thingc rezero {arguments.document} '{keys[1]}={values['.'.join(keys)]}'`"
+            raise console.WrongCommandLine("a joint has no key `zero`", help)
+    return write(arguments.document, values, options, arguments, diff=arguments.diff)
 
 
 def settings(words: Sequence[str]) -> dict[str, str]:

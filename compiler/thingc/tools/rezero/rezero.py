@@ -101,7 +101,7 @@ def _warn_unchanged(calibration: Document) -> Diagnostic:
 
 def _result_rows(root: Document, document: Document, edits: Mapping[Keys, str]) -> Iterator[tuple[str, str | None, str]]:
     place = "" if document.path == root.path else f"{document.relative}: "
-    return ((place + path, before, after) for path, before, after in changes(document, edits))
+    return ((place + path, before, after) for path, before, after in changes(document, edits) if before != after)
 
 
 def _compile(document: str, options: Options) -> Compilation:

@@ -113,21 +113,18 @@ def compare_mechanisms(one: Mechanism, other: Mechanism, tolerance: float = TOLE
     fits = [(any(_couplings(one, other, found, tolerance)), len(list(_properties(one, other, found, tolerance)))) for found in maps]
     maps = [found for found, fit in zip(maps, fits, strict=True) if fit == min(fits)]
     best = min(maps, key=lambda found: max(max(link.apart) for link in found.links.values()) > EXACT * tolerance)  # the first exact one
+    pairs = {(frozenset((a, b.other) for a, b in found.links.items()), frozenset((j.one, j.other) for j in found.joints)) for found in maps}
     differences = [*_differences(one, other, best, tolerance), *_couplings(one, other, best, tolerance)]
     residuals, properties = residual(one, other, best), list(_properties(one, other, best, tolerance))
     if not differences and (not exact or max(residuals) > REACH * tolerance * (len(one.joints) + 1)):
         differences.append(MechanismDifference(what="pose", by=max(residuals)))
     return MechanismComparison(
         one=one.name, other=other.name, same=exact and not differences,
-        maps=len(maps) if exact else 0, assignments=len({_assignment(found) for found in maps}) if exact else 0,
+        maps=len(maps) if exact else 0, assignments=len(pairs) if exact else 0,
         complete=complete, links=tuple(_links(one, other, best)), joints=tuple(_joints(one, other, best)), differences=tuple(differences),
         limits=tuple(found for found in properties if found.what == "limits"),
         properties=tuple(found for found in properties if found.what != "limits"), residual=residuals,
     )
-
-
-def _assignment(found: RobotMap) -> tuple[object, ...]:
-    return (*sorted((a, link.other) for a, link in found.links.items()), *sorted((j.one, j.other) for j in found.joints))
 
 
 def _counts(one: Mechanism, other: Mechanism) -> Iterator[MechanismDifference]:

@@ -280,12 +280,13 @@ def _other_end(link: RigidLink, port: Port) -> Port:
 def mass_differences(a: RigidLink, b: RigidLink, T: Array) -> tuple[float, float, float]:
     """Return how much the mass (as a fraction), the centre of mass [m] and the inertia (as a fraction) of two links differ.
 
-    `T` is the pose of link `a` in the frame of link `b`. Fractions refer to the larger mass and the largest moment of inertia.
+    `T` is the pose of link `a` in the frame of link `b`. Fractions refer to the mass and the largest moment of inertia of `a`, or
+    of `b` if they are 0.
     """
     turned = T[:3, :3] @ a.inertia @ T[:3, :3].T
-    mass = abs(a.mass - b.mass) / max(a.mass, b.mass, 1e-300)
+    mass = abs(a.mass - b.mass) / (a.mass or b.mass or 1.0)
     centre = float(np.linalg.norm(apply(T, a.centre) - b.centre)) if min(a.mass, b.mass) > 0.0 else 0.0
-    return mass, centre, float(np.max(abs(turned - b.inertia)) / max(a.moments[2], b.moments[2], 1e-300))
+    return mass, centre, float(np.max(abs(turned - b.inertia)) / (a.moments[2] or b.moments[2] or 1.0))
 
 
 def axis_differences(a: RigidLink, b: RigidLink, T: Array, tolerance: float) -> Array:

@@ -21,9 +21,13 @@ PHYSICAL = {
 }
 
 
-def as_text(result: MechanismComparison) -> Iterator[str]:
-    """Yield the lines of a report: the verdict, zeros and signs, names, ambiguities, agreement of masses, differences and properties."""
-    yield summary(result) if result.same else f"{result.one} and {result.other} are different mechanisms"
+def as_text(result: MechanismComparison, sides: tuple[str, str]) -> Iterator[str]:
+    """Yield the lines of a report: the verdict, zeros and signs, names, ambiguities, agreement of masses, differences and properties.
+
+    Robots with equal names are called by the names of their sides, such as files.
+    """
+    one, other = sides if result.one == result.other else (result.one, result.other)
+    yield summary(result) if result.same else f"{one} and {other} are different mechanisms"
     yield from (f"  {line}" for line in _differences(result.differences))
     if not result.links:
         return
@@ -81,7 +85,7 @@ def _value(kind: str, key: str, value: float | None, digits: int) -> str:
 
 
 def _format_tolerance(value: float, unit: str) -> str:
-    return "equal" if value < ROUNDING else f"within {value:.1g} {unit}"
+    return "equal" if value < ROUNDING else f"within {float(f'{value:.2g}'):g} {unit}"
 
 
 def _differences(differences: tuple[MechanismDifference, ...]) -> Iterator[str]:
