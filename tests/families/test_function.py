@@ -64,6 +64,20 @@ modes: {{standing: {{root: post, base: fixed}}}}
 """
 
 
+GEARED = f"""\
+thingc: assembly/1
+name: geared
+parameters: {{gear: {{value: 2, min: 0.5, max: 5}}, unused: {{value: 3}}}}
+components:
+  post: {{frame: true, mass: 2 kg, {INERTIA}}}
+  beam: {{frame: true, mass: =100 g * gear, {INERTIA}}}
+joints: {{tilt: {{type: continuous, parent: post.origin, child: beam.origin}}}}
+transmissions:
+  one: {{actuator: {{kind: motor, effort: 0.4 N*m, velocity: 300 rad/s, armature: 2e-5 kg*m^2}}, joint: tilt, ratio: =gear}}
+modes: {{standing: {{root: post, base: fixed}}}}
+"""
+
+
 def opened(folder: Path, document: str) -> Iterator[thingc.RobotFamily]:
     """Yield the family of a document in a separate workspace."""
     (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
@@ -266,7 +280,7 @@ def test_bound_has_a_derivative(kinked: thingc.RobotFamily) -> None:
 
 @pytest.mark.parametrize("load", [1.0, 0.1])
 def test_derivatives_at_special_numbers(special: thingc.RobotFamily, load: float) -> None:
-    """The compiler treats a rotation by 0 and whole numbers in a special way. A limit has only one side."""
+    """The compiler treats a rotation by 0 in a special way. A limit has only one side."""
     function = special.function(["twist", "load", "count"], ["mass", "centre", "inertia"])
     x = np.array([0.0, load, 2.0])
     found = function.jacobian(x)
@@ -281,7 +295,18 @@ def test_derivatives_at_special_numbers(special: thingc.RobotFamily, load: float
         np.testing.assert_allclose(found[:, place], expected, rtol=1e-4, atol=1e-6)
     assert found.error is not None and found.error.max() < 1e-4 and (load == 0.1 or found.error[:, 1].max() == 0.0)
     assert abs(found[function.outputs.index("centre.z"), 0]) > 0.003
-    assert (found.error[:, 0] > 0.0).any() and (found.error[:, 2] > 0.0).any()
+    assert (found.error[:, 0] > 0.0).any() and not found.error[:, 2].any()
+
+
+def test_whole_numbers_are_traced(tmp_path: Path) -> None:
+    (family,) = opened(tmp_path, GEARED)
+    function = family.function(["gear", "unused"], ["mass"])
+    for x in ([2.0, 3.0], [1.3, 3.0], [2.0, 4.0]):
+        found = function.jacobian(x)
+        np.testing.assert_allclose(found, [[0.1, 0.0]], rtol=1e-14)
+        assert found.error is not None and not found.error.any()
+    assert [family.model({"gear": gear}).dof_armature[0] for gear in (2.0, 3.0, 1.3)] == pytest.approx([8e-5, 18e-5, 3.38e-5], rel=1e-12)
+    assert family._models_of(None, True).cache_for(family._reader.read({"gear": 2.0})).reasons == {}
 
 
 def test_an_estimate_covers_a_jump_of_the_second_derivative(special: thingc.RobotFamily, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -362,6 +387,7 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"names": ["load", "load"]}, "`load` is given twice: keep only one of the values"),
     ({"names": ["load"], "at": {"load": 1.0}}, "`load` is given twice: keep only one of the values"),
     ({"names": ["load"], "outputs": ["mas"]}, "there is no result `mas`: did you mean `mass`?"),
+    ({"names": ["load"], "outputs": ["mjcf"]}, "there is no result `mjcf`: for the numbers of MuJoCo models, use `family.mjx`"),
     ({"names": ["load"], "outputs": ["site:hok"]}, "there are no results at load = 0.5 kg: there is no mount `hok`: did you mean `hook`?"),
     ({"names": ["load"], "at": {"length": "3 kg"}}, "there are no results at load = 0.5 kg: "),
 ]

@@ -286,9 +286,10 @@ def test_invalid_settings_have_no_explanation(everything: thingc.RobotFamily, na
 
 
 def test_numbers_that_change_a_decision_are_compiled(everything: thingc.RobotFamily) -> None:
-    """The compiler treats whole numbers in a special way, so a plan of other numbers does not apply to them."""
-    names = {"load": 0.5, "teeth": 3.1}
-    many = [*settings(3, 4, names), {"load": 0.5, "teeth": 3.0}, *settings(2, 5, names)]
+    """The compiler treats joints without damping in a special way, so a plan of other numbers does not apply to them."""
+    names = {"load": 0.5, "teeth": 3.1, "defaults.joint.dynamics.damping": 0.1}
+    special = [{**names, "teeth": 3.0}, {**names, "defaults.joint.dynamics.damping": 0.0}]  # a plan applies to whole numbers
+    many = [*settings(3, 4, names), *special, *settings(2, 5, names)]
     found = list(everything.models(many, mode="standing", visual=True))
     for one, model in zip(many, found, strict=True):
         assert isinstance(model, mujoco.MjModel) and different_fields(model, compiled(everything, one, "standing")) == []

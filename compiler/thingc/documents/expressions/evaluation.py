@@ -205,9 +205,12 @@ def format_value(value: ExpressionValue) -> str:
 
 
 def plain(value: ExpressionValue) -> float | bool | str:
-    """Convert a quantity to a number in SI units. Booleans and strings are returned unchanged."""
+    """Convert a quantity to a number in SI units. Booleans and strings are returned unchanged.
+
+    A number without a dimension and a fractional part is converted to an int, unless it is recorded, because it may vary.
+    """
     if not isinstance(value, Quantity):
         return value
-    if value.dimension == NUMBER and value.value % 1.0 == 0.0:
+    if value.dimension == NUMBER and not isinstance(value.value, numeric.Recorded) and value.value % 1.0 == 0.0:
         return int(value.value)
     return value.value + 0.0

@@ -5,11 +5,10 @@ from __future__ import annotations
 import functools
 import math
 from decimal import Decimal
-from typing import Any
 
 from thingc.base import numeric
 from thingc.base.units import FREQUENCY, NUMBER, Quantity, Unit, UnitError, scan_unit, to_si
-from thingc.documents.expressions.evaluation import ExpressionValue, format_value, plain
+from thingc.documents.expressions.evaluation import ExpressionValue, format_value
 
 
 def text_of(value: ExpressionValue, unit: str = "") -> str:
@@ -20,11 +19,11 @@ def text_of(value: ExpressionValue, unit: str = "") -> str:
     """
     if not isinstance(value, Quantity):
         return format_value(value)
-    number: Any = plain(value)
+    number = value.value + 0.0
     if unit and (in_unit := _in_unit(value, unit)) is not None:
         return in_unit
     if value.dimension == NUMBER:
-        return _exact(number)
+        return _exact_number(number)
     if value.dimension == FREQUENCY:
         return f"{_exact(number)} Hz"
     symbol = value.dimension.symbol
@@ -35,6 +34,11 @@ def text_of(value: ExpressionValue, unit: str = "") -> str:
 @numeric.formatter("exact")
 def _exact(number: float) -> str:
     return repr(number)
+
+
+@numeric.formatter("exact number")
+def _exact_number(number: float) -> str:
+    return repr(int(number) if number % 1.0 == 0.0 else number)
 
 
 def _in_unit(quantity: Quantity, unit: str) -> str | None:
