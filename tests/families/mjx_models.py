@@ -88,7 +88,7 @@ def test_parts_are_built_for_a_batch(folder: Path) -> None:
         compared(family, "standing", names, rows, 1e-13)
         with pytest.raises(FamilyError, match="a pure function cannot build the parts that depend on length: use `batch`"):
             family.mjx(["length"]).model([0.3])
-        with pytest.raises(FamilyError, match="the mesh of the geom `beam.*` depends on length, .*: use `collision: box`"):
+        with pytest.raises(FamilyError, match="MJX cannot vary the mesh of the geom `beam.*` with length: use a primitive"):
             family.mjx(["length"], at={"components.beam.collision": "hull"})
 
 
@@ -125,6 +125,13 @@ def test_children_of_a_held_base_move_with_it(lever: thingc.RobotFamily) -> None
          "MJX cannot vary a constant with lever: MJX converts `wrap_prm` to a constant: set the values with `at`"),
         ("crane.yaml", ["stiff"], "standing", {"drive: {kind: position, kp: =stiff}": "drive: {kind: position, kp: =stiff, effort: 5 N*m}"},
          "MJX and MuJoCo apply the damping of `lift` differently with `implicitfast`"),
+        ("crane.yaml", ["rubbing", "load"], "standing", {"damping: 0.1 N*m*s/rad, friction": "friction"},
+         "MJX cannot vary rubbing: nearby values change the structure of the model: write another start value"),
+        ("crane.yaml", ["load"], "standing", {"integrator: implicitfast": "cone: elliptic", "[[base, hook]]": "[[base, arm]]"},
+         "MJX does not support a feature of mode `standing`: .*mjGEOM_BOX.* collisions not implemented"),
+        ("tool.yaml", ["components.finger.mass"], None,
+         {"type: revolute": "type: fixed", ", limit: {lower: 0 deg, upper: 45 deg}}}": "}}"},
+         "MJX does not support mode `default`, in which nothing moves: choose another mode, or use `models`"),
         ("crane.yaml", ["radius"], "standing", {"axis: [0, 0, 1]": "axis: [0, =radius / (1 m), 1]"},
          "MJX cannot vary a constant with radius: MuJoCo uses `joint.axis` at compile time: set the values with `at`, or use `models`"),
     ],

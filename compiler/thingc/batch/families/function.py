@@ -32,6 +32,9 @@ STEPS = (4e-3, 2.5e-4, 1.5e-5)
 If the estimate is not accurate enough, for example because one setting has an additional printed layer, a smaller distance is used.
 """
 
+MODELS = "for the numbers of MuJoCo models, use `family.mjx` or `family.batched`; for derivatives of results, use `thingc sensitivity`"
+"""The help for the output `mjcf`, which does not exist."""
+
 
 class NotDifferentiable(FamilyError):
     """Raised if a result does not have a derivative at the given settings. The message contains the name of the result and the reason."""
@@ -422,7 +425,8 @@ class FamilyFunction:
         for name in outputs:
             group = [name] if name in known else [key for key in known if key.startswith(f"{name}.") and known[key] is not None]
             if not group:
-                raise FamilyError(f"there is no result `{name}`", did_you_mean(str(name), known, what="results"))
+                help = MODELS if name == "mjcf" else did_you_mean(str(name), known, what="results")
+                raise FamilyError(f"there is no result `{name}`", help)
             names += group
         return tuple(dict.fromkeys(names))
 

@@ -40,6 +40,8 @@ OPTIONS = ("opt.timestep", "opt.gravity")
 """The names of options that can differ between MJX models. MJX fixes all other options when it converts a model."""
 BLOCK = 1024
 """Number of rows that are computed at once. In larger batches, the CPU backend of jaxlib 0.10.2 can block forever on two cores."""
+NEARBY = 1e-6
+"""Relative change of a number at `start` for which the compiler must make the same decisions, at least in one direction."""
 FRICTION = ("dof_frictionloss", "tendon_frictionloss")
 
 
@@ -65,11 +67,14 @@ class FamilyMjx:
         self.names, self.start, self.units, self.bounds = function.names, function.start, function.units, function.bounds
         self._plan, self._values = plan, parsed.values
         variables = self._variables(parsed.values)
-        if variables is None:
+        places = [plan.free.index(at) for at in self._places]
+        lost = [name for name, place in zip(self.names, places) if variables is None or not self._varies(variables, place)]
+        if variables is None or lost:
             raise FamilyError(
-                f"MJX cannot vary {', '.join(self.names)}: nearby values change the structure of the model", "use `models`",
+                f"MJX cannot vary {', '.join(lost)}: nearby values change the structure of the model",
+                "write another start value in the document, such as a value greater than 0, set the value with `at`, or use `models`",
             )
-        by = [plan.free.index(at) for at in self._places] if plan.exchange is None else range(len(variables))
+        by = places if plan.exchange is None else range(len(variables))
         self._start, self._run = variables, jax_function(plan.program, by, variables, dtype, "models")
         self.mj_model: mujoco.MjModel = next(iter(models.each([(settings, parsed)], share=False)))
         self._read_template(plan.template)
@@ -167,6 +172,15 @@ class FamilyMjx:
                     return variables
         return None
 
+    def _varies(self, variables: Sequence[float], place: int) -> bool:
+        """Return whether the plan applies if a variable is slightly smaller or slightly greater."""
+        step = NEARBY * (abs(variables[place]) or 1.0)
+        for value in (variables[place] - step, variables[place] + step):
+            with suppress(ArithmeticError, ValueError):
+                if self._plan.program.run(*variables[:place], value, *variables[place + 1 :]) is not None:
+                    return True
+        return False
+
     def _next_values(self, values: Sequence[float]) -> tuple[float, ...]:
         """Replace the values of the numbers `names` by the next floating-point numbers."""
         return tuple(float(np.nextafter(value, np.inf)) if place in self._places else value for place, value in enumerate(values))
@@ -208,6 +222,8 @@ class FamilyMjx:
     def _put_base(self, mode: str) -> mjx.Model:
         """Convert the MuJoCo model for `start` to an MJX model in which the fields that depend on numbers can be replaced."""
         model = copy.copy(self.mj_model)
+        if not model.nv:
+            raise FamilyError(f"MJX does not support mode `{mode}`, in which nothing moves", "choose another mode, or use `models`")
         if model.nhistory:
             raise FamilyError("MJX does not support the `delay` of drives", "use `at={\"joints.NAME.drive.delay\": 0}`")
         for name in FRICTION:
@@ -223,9 +239,10 @@ class FamilyMjx:
                 "use `at={\"simulation.integrator\": \"euler\"}`, or remove the effort or the damping of the drive"
             )
         try:
-            if model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC and not mjx.make_data(model)._impl.contact.dist.size:
-                model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL  # MJX fails with elliptic cones if there are no contacts
             base = mjx.put_model(model)
+            if model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC and not mjx.make_data(base)._impl.contact.dist.size:
+                model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL  # MJX fails with elliptic cones if there are no contacts
+                base = mjx.put_model(model)
         except NotImplementedError as fault:
             raise FamilyError(
                 f"MJX does not support a feature of mode `{mode}`: {fault}",
