@@ -42,10 +42,11 @@ class ComparedPair:
     """A comparison of two shapes: their indices, and the result.
 
     `error` is the sum of the errors [m] of their surfaces. `joined` pairs are on links that a joint connects, and may touch. All other
-    pairs must be at least `clearance` [m] apart. Intersections are errors if their mean thickness is above `deep` [m]. `gap` is the smallest
-    distance that was found, in the positions `q`; `depth` and `volume` describe the intersection in these positions. `method` is how the
-    result was found. `seen` is the number of compared positions. `found` is True after a collision was found, and `near` if some box of positions could not be decided. If the shapes have
-    not been `apart` in the first `patience` positions, they count as touching in all positions.
+    pairs must be at least `clearance` [m] apart. Intersections are errors if their mean thickness is above `deep` [m]. `gap` is the
+    smallest distance that was found, in the positions `q`; `depth` and `volume` describe the intersection in these positions. `method` is
+    how the result was found. `seen` is the number of compared positions. `found` is True after a collision was found, and `near` if some
+    box of positions could not be decided. If the shapes have not been `apart` in the first `patience` positions, they count as touching in
+    all positions.
     """
 
     one: int
