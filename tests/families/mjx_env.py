@@ -46,15 +46,41 @@ modes:
   adrift: {root: rear, base: free}
 """
 MODES = ("front_foot", "adrift")
+EFFECTS = "kp: 8 N*m/rad, delay: 5 ms, deadband: 2 deg, stall: 1.5 N*m, velocity: 10 rad/s}"
+LEVERS = """\
+thingc: assembly/1
+name: levers
+parameters: {load: {value: 1 kg, min: 0.1 kg}, slack: {value: 1 deg, min: 0 deg}}
+components:
+  post: {frame: true, mass: 1 kg, inertia: &inertia {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}}
+  arm: {frame: true, mass: =load, com: [100 mm, 0, 0], inertia: *inertia}
+  wheel: {frame: true, mass: 1 kg, inertia: *inertia}
+joints:
+  lift:
+    type: continuous
+    parent: post.origin
+    child: arm.origin
+    axis: [0, 1, 0]
+    drive: {kind: position, kp: 8 N*m/rad, kv: 0.2 N*m*s/rad, delay: 5 ms, deadband: =slack, stall: 1.5 N*m, velocity: 3 rad/s}
+  spin: {type: continuous, parent: post.origin, child: wheel.origin, axis: [0, 1, 0], drive: {kind: motor, effort: 2 N*m, noise: 0.05 N*m}}
+modes:
+  standing: {root: post, base: fixed}
+  finer: {root: post, base: fixed, simulation: {timestep: 1 ms}}
+  coarse: {root: post, base: fixed, simulation: {integrator: rk4}}
+"""
 
 
 @pytest.fixture(scope="module")
 def feet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[thingc.RobotFamily]:
     folder: Path = tmp_path_factory.mktemp("mjx_env")
-    for name, text in {**WORKSPACE, "feet.yaml": TWO_FEET}.items():
-        (folder / name).write_text(text)
-    with thingc.family(folder / "feet.yaml", verify=0) as family:
+    with family_of(folder, TWO_FEET.replace("kp: 8 N*m/rad}", EFFECTS)) as family:
         yield family
+
+
+def family_of(folder: Path, document: str) -> thingc.RobotFamily:
+    for name, text in {**WORKSPACE, "robot.yaml": document}.items():
+        (folder / name).write_text(text)
+    return thingc.family(folder / "robot.yaml", verify=0)
 
 
 def velocity(step: Any) -> Any:
@@ -64,7 +90,7 @@ def velocity(step: Any) -> Any:
 def test_robots_switch_modes_as_in_mujoco(feet: thingc.RobotFamily) -> None:
     loads = [0.1, 0.7]
     env = MjxEnv(
-        feet, ["load"], MODES, reward=velocity, terminated=lambda step: step.robot.q[0] > 0.5, floor=False, max_steps=9, noise=0.1,
+        feet, ["load"], MODES, reward=velocity, terminated=lambda step: step.robot.q[0] > 0.2, floor=False, max_steps=9, noise=0.1,
     )
     models, axes, ok = env.batch(np.array(loads)[:, None])
     assert ok.all() and env.action_size == 1
@@ -103,12 +129,13 @@ def test_robots_switch_modes_as_in_mujoco(feet: thingc.RobotFamily) -> None:
             seen, reward, _, truncated, info = world.step({"mode": modes[k], "joints": actions[k]})
             np.testing.assert_allclose(states.observation[k], seen, atol=1e-11)
             np.testing.assert_allclose(states.reward[k], reward, atol=1e-11)
-            assert (states.terminated[k], states.truncated[k], states.refused[k]) == (seen[0] > 0.5, truncated, "refused" in info)
+            assert (states.terminated[k], states.truncated[k], states.refused[k]) == (seen[0] > 0.2, truncated, "refused" in info)
             ends += states.terminated[k]
+    actions = states.observation[:, :1] + 0.1  # beyond the deadband, and within the torque-speed line
     changes = (run(models, states, jnp.asarray(actions * (1.0 + change)), jnp.asarray(modes)) for change in (1e-6, -1e-6, 0.0))
     ahead, behind, (_, slope) = changes
     np.testing.assert_allclose(slope, (ahead[0].observation - behind[0].observation) / 2e-6, rtol=1e-6, atol=1e-8)
-    assert np.abs(slope[:, 0]).min() > 1e-3
+    assert np.abs(slope[:, 1]).min() > 1e-2
     assert states.truncated.all() and 0 < ends < 18 and np.abs(states.reward).min() > 1e-3
 
 
@@ -118,10 +145,35 @@ def test_numbers_that_move_mounts_are_refused(feet: thingc.RobotFamily) -> None:
     assert caught.value.help == "use `at` to fix the numbers that move links, joints or mounts"
 
 
-@pytest.mark.parametrize("effect", ["delay: 4 ms", "noise: 0.1 deg"])
-def test_imperfect_drives_are_refused(tmp_path: Path, effect: str) -> None:
-    document = TWO_FEET.replace("kp: 8 N*m/rad}", f"kp: 8 N*m/rad, {effect}}}")
-    for name, text in {**WORKSPACE, "feet.yaml": document}.items():
-        (tmp_path / name).write_text(text)
-    with thingc.family(tmp_path / "feet.yaml", verify=0) as family, pytest.raises(FamilyError, match=f"`{effect.partition(':')[0]}`"):
-        MjxEnv(family, ["load"], MODES, reward=velocity)
+@pytest.mark.parametrize("integrator", ["rk4", "implicitfast"])
+def test_imperfect_drives_move_as_in_mujoco(tmp_path: Path, integrator: str) -> None:
+    """The wheel of the second drive, which has noise, does not affect the arm."""
+    loads, count = [0.3, 1.2], 20
+    drives = LEVERS if integrator != "rk4" else LEVERS.replace(", delay: 5 ms", "")
+    with family_of(tmp_path, f"{drives}simulation: {{timestep: 2 ms, integrator: {integrator}}}\n") as family:
+        env = MjxEnv(family, ["load"], "standing", reward=velocity, floor=False)
+        models, axes, _ = env.batch(np.array(loads * 16)[:, None])
+        states = jax.jit(jax.vmap(env.reset, in_axes=(axes, 0)))(models, jax.random.split(jax.random.key(3), 32))
+        step = jax.jit(jax.vmap(env.step, in_axes=(axes, 0, None)))
+        worlds = [make_env(family, settings=[{"load": load}], mode="standing", floor=False) for load in loads]
+        for world in worlds:
+            world.reset(seed=1)
+        speeds = [states.observation[:, 3]]
+        for angle in np.random.default_rng(2).uniform(-1.0, 1.0, count):
+            states = step(models, states, np.array([angle, 0.0]))
+            speeds.append(states.observation[:, 3])
+            for k, world in enumerate(worlds):
+                seen = world.step(np.array([angle, 0.0]))[0]
+                np.testing.assert_allclose(states.observation[k, [0, 2]], seen[[0, 2]], atol=1e-11)
+    changes = np.diff(speeds, axis=0)
+    assert changes.std() == pytest.approx(5**0.5 * 0.05 * 2e-3 / 0.01, rel=0.1)
+    assert abs(np.corrcoef(changes.T)[0, 1:]).max() < 0.8 and abs(states.data[0].actuator_force[:, 1]).max() == 0.0
+
+
+def test_drives_that_vary_are_refused(tmp_path: Path) -> None:
+    with family_of(tmp_path, LEVERS) as family:
+        with pytest.raises(FamilyError, match="the deadband, noise, delay or torque-speed line of a drive depends on slack: use `at`"):
+            MjxEnv(family, ["slack"], "standing", reward=velocity)
+        for mode in (["standing", "finer"], ["coarse"]):
+            with pytest.raises(FamilyError, match="drives with a `delay` require the same time step, and not `rk4` as integrator"):
+                MjxEnv(family, ["load"], mode, reward=velocity)

@@ -174,8 +174,4 @@ def within_triangle(a: Matrix) -> Matrix:
     if short < -1e-12 * high:
         return a
     lift = numeric.maximum(short, 0.0) + 1e-12 * high
-    return (
-        (a[0][0] + lift, a[0][1], a[0][2]),
-        (a[1][0], a[1][1] + lift, a[1][2]),
-        (a[2][0], a[2][1], a[2][2] + lift),
-    )
+    return ((a[0][0] + lift, a[0][1], a[0][2]), (a[1][0], a[1][1] + lift, a[1][2]), (a[2][0], a[2][1], a[2][2] + lift))

@@ -232,9 +232,7 @@ class _Batch:
         cluster = executor if isinstance(executor, Cluster) else None
         if cluster is not None:
             cluster.check(digest_files(self.plan, self.folder) if self.transfer is None else {})
-        job = job_of(
-            self.plan, self.folder, self.options, layout=self.layout, verify=self.verify, elsewhere=cluster is not None,
-        ).encode()
+        job = job_of(self.plan, self.folder, self.options, layout=self.layout, verify=self.verify, elsewhere=cluster is not None).encode()
         completed = False
         with self._signals(), self._shipping(cluster) as shipping:
             engine = shipping or engine

@@ -33,6 +33,15 @@ class Batched(OneLineRepr, FrozenStruct, eq=False):
     fields: Mapping[str, Array]
     indices: tuple[int, ...]
 
+    def warp(self) -> Any:
+        """Return a `mujoco_warp.Model` with one world for each of the settings, in the order of `indices`.
+
+        Raises `FamilyError` if MuJoCo Warp cannot simulate these settings with one model.
+        """
+        from thingc.batch.families.warp_model import put_warp
+
+        return put_warp(self.model, self.fields)
+
 
 class Batches(OneLineRepr, FrozenStruct):
     """The groups into which a list of settings was divided.

@@ -81,9 +81,7 @@ class Evaluation(Planner[TracedResults, Measured]):
                 planned = ready.pop(place, None)
                 if planned is None and not tests:
                     planned = self.find_plan(parsed)
-                    if planned is not None and (
-                        id(planned[0]) not in used or (place % AHEAD == 0 and planned[0].exchange is not None)
-                    ):
+                    if planned is not None and (id(planned[0]) not in used or (place % AHEAD == 0 and planned[0].exchange is not None)):
                         used.add(id(planned[0]))
                         together = self._together(planned[0], chunk, place, ready)
                         ready.update(together)

@@ -306,18 +306,18 @@ class RobotFamily:
 
     def mjx(
         self, names: Sequence[str] | str, *, mode: str | None = None, at: Mapping[str, Any] | None = None, floor: bool = False,
-        dtype: str = "float64",
+        dtype: str = "float64", delays: bool = False,
     ) -> FamilyMjx:
         """Return a pure function that maps numbers in the document to models of MJX (MuJoCo in JAX).
 
         `names` contains names of parameters, or paths in the document. `at` contains additional settings, which are fixed. With `floor`,
         models include the floor of their scenes. Raises `FamilyError` for a name that does not belong to a number, and for features that
-        MJX does not support. With `dtype="float64"`, also raises `FamilyError` if JAX does not use 64-bit numbers. Raises `UnknownChoice`
-        for an unknown mode.
+        MJX does not support. With `delays`, models can have delays of drives, which MJX ignores. With `dtype="float64"`, also raises
+        `FamilyError` if JAX does not use 64-bit numbers. Raises `UnknownChoice` for an unknown mode.
         """
         from thingc.batch.families.mjx_family import FamilyMjx
 
-        return FamilyMjx(self._models_of(mode, False, floor), self.function(names, (), mode=mode, at=at), dtype)
+        return FamilyMjx(self._models_of(mode, False, floor), self.function(names, (), mode=mode, at=at), dtype, delays)
 
     @property
     def space(self) -> SearchSpace:

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from thingc.batch.families.jax_function import jax_function
+from thingc.batch.families.warp_model import put_warp
 from thingc.batch.mujoco_arrays.entries import INERTIAL, NotAnArrayEntry, NumberPlaces, affect_constants
 from thingc.batch.results import FamilyError
 
@@ -34,8 +35,8 @@ if TYPE_CHECKING:
     from thingc.batch.families.mjspec_recompile import ModelTemplate
     from thingc.batch.families.models import ModelsOfMode
 
-IGNORED = ("key_", "numeric_data", "stat.")
-"""Prefixes of the names of fields that do not affect a simulation."""
+IGNORED = ("key_", "numeric_data", "stat.", "actuator_delay")
+"""Prefixes of the names of fields that do not affect a simulation in MJX."""
 OPTIONS = ("opt.timestep", "opt.gravity")
 """The names of options that can differ between MJX models. MJX fixes all other options when it converts a model."""
 BLOCK = 1024
@@ -50,10 +51,10 @@ class FamilyMjx:
 
     `start` `(n,)` contains the values of the numbers in the document. `base` is the MJX model for `start`, and `mj_model` is the `MjModel`
     from which it was converted. `varied` contains the names of the fields that can differ between the MJX models. All other fields, such as
-    keyframes, have the same values as in `base`.
+    keyframes, have the same values as in `base`. `drives_vary` is True if custom data or delays of drives depend on the numbers.
     """
 
-    def __init__(self, models: ModelsOfMode, function: FamilyFunction, dtype: str) -> None:
+    def __init__(self, models: ModelsOfMode, function: FamilyFunction, dtype: str, delays: bool) -> None:
         if dtype == "float32" and jax.config.jax_enable_x64:  # type: ignore[attr-defined]
             raise FamilyError("MJX uses 64-bit numbers if they are enabled in JAX", "omit `dtype`, or disable `jax_enable_x64`")
         settings, parsed = function._item(function.start)
@@ -78,7 +79,7 @@ class FamilyMjx:
         self._start, self._run = variables, jax_function(plan.program, by, variables, dtype, "models")
         self.mj_model: mujoco.MjModel = next(iter(models.each([(settings, parsed)], share=False)))
         self._read_template(plan.template)
-        self.base = self._put_base(models.mode)
+        self.base = self._put_base(models.mode, delays)
         self._data = mjx.make_data(self.mj_model)
         self._fields_of_row = jax.jit(self._fields)  # JAX traces the function once
         self._fields_of_rows = jax.jit(jax.vmap(self._fields_of_row))
@@ -120,6 +121,14 @@ class FamilyMjx:
         fields, ok = self._in_blocks(rows)
         axes = jax.tree_util.tree_map(lambda _: None, self.base)
         return self.base.tree_replace(fields), axes.tree_replace(dict.fromkeys(fields, 0)), ok & built
+
+    def warp(self, p: npt.ArrayLike) -> tuple[Any, Any]:
+        """Return a `mujoco_warp.Model` with one world for each row of `p` `(k, n)`, and flags `(k,)` that are True for valid rows.
+
+        The arrays are those of the method `batch`. Raises `FamilyError` if MuJoCo Warp cannot simulate these rows with one model.
+        """
+        model, _, ok = self.batch(p)
+        return put_warp(self.mj_model, {name: attrgetter(name)(model) for name in self.varied}), ok
 
     def put(self, model: mjx.Model, state: mujoco.MjData | mjx.Data) -> tuple[mjx.Model, mjx.Data]:
         """Return an MJX model and MJX data with the same state as an `MjData` or as other MJX data.
@@ -202,6 +211,7 @@ class FamilyMjx:
         except NotAnArrayEntry as fault:
             raise self._fixed_error(f"MuJoCo uses `{fault.attribute}` at compile time") from None
         self._writes = {name: write for name, write in self._numbers.writes.items() if not name.startswith(IGNORED)}
+        self.drives_vary = not self._numbers.writes.keys().isdisjoint(("numeric_data", "actuator_delay"))
         self.ratios = [
             (model.actuator(actuator.get("name", "")).id, template.places.get(ratio), ratio)
             for actuator in root.iterfind("actuator/*") if (ratio := actuator.get("dampratio")) is not None
@@ -219,12 +229,12 @@ class FamilyMjx:
     def _fixed_error(self, why: str) -> FamilyError:
         return FamilyError(f"MJX cannot vary a constant with {', '.join(self.names)}: {why}", "set the values with `at`, or use `models`")
 
-    def _put_base(self, mode: str) -> mjx.Model:
+    def _put_base(self, mode: str, delays: bool) -> mjx.Model:
         """Convert the MuJoCo model for `start` to an MJX model in which the fields that depend on numbers can be replaced."""
         model = copy.copy(self.mj_model)
         if not model.nv:
             raise FamilyError(f"MJX does not support mode `{mode}`, in which nothing moves", "choose another mode, or use `models`")
-        if model.nhistory:
+        if model.nhistory and not delays:
             raise FamilyError("MJX does not support the `delay` of drives", "use `at={\"joints.NAME.drive.delay\": 0}`")
         for name in FRICTION:
             if name in self._writes:  # MJX has constraints only for joints with friction in the model that it converts

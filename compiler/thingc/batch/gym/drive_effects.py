@@ -7,32 +7,25 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from thingc.batch.gym.rewards import Array
-
 
 class DriveEffects:
     """The effects of the drives of a MuJoCo model on its controls. The data of the drives are custom data of the model.
 
     MuJoCo simulates delays. With `undelayed`, delays are skipped, because the environment delays actions. `acts` is False if MuJoCo alone
     simulates the drives. Otherwise, controls are clipped here instead of by MuJoCo, because the control for a limited torque can be
-    outside of its range.
+    outside of its range. `noise` contains the standard deviation of each control, and `counts` the delay of each drive in time steps.
     """
 
     def __init__(self, model: mujoco.MjModel, *, undelayed: bool = False) -> None:
         self.model, self._undelayed = model, undelayed
         names = [model.actuator(number).name for number in range(model.nu)]
         of = {model.numeric(number).name: model.numeric(number).data for number in range(model.nnumeric)}
-        line = np.array([of.get(f"{name}:stall", (np.inf, np.inf)) for name in names]).reshape(-1, 2)
-        self._stall, self._speed = line.T
-        self._deadband, self._noise = (
-            np.array([of.get(f"{name}:{key}", (0.0,))[0] for name in names]) for key in ("deadband", "noise")
-        )
-        self._delayed = np.flatnonzero(model.actuator_history[: model.nu, 0])
-        self._counts, self._cursors = model.actuator_history[self._delayed, 0], model.actuator_historyadr[self._delayed] + 1
-        self._gain = np.where(model.actuator_gainprm[:, 0] == 0.0, 1.0, model.actuator_gainprm[:, 0])
-        self.acts = bool(
-            np.isfinite(self._stall).any() or self._deadband.any() or self._noise.any() or (undelayed and len(self._delayed))
-        )
+        self._stall, self._speed = np.array([of.get(f"{name}:stall", (0.0, 1.0)) for name in names]).reshape(-1, 2).T
+        self._deadband, self.noise = (np.array([of.get(f"{name}:{key}", (0.0,))[0] for name in names]) for key in ("deadband", "noise"))
+        self.counts = model.actuator_history[: model.nu, 0]
+        self._delayed = np.flatnonzero(self.counts)
+        self._cursors = model.actuator_historyadr[self._delayed] + 1
+        self.acts = bool(self._stall.any() or self._deadband.any() or self.noise.any() or (undelayed and len(self._delayed)))
         if self.acts:
             model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
 
@@ -45,7 +38,7 @@ class DriveEffects:
         second = mujoco.mj_step if self.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4 else mujoco.mj_step2
         for _ in range(count):
             mujoco.mj_step1(self.model, data)
-            self._apply(data, source.normal(0.0, self._noise) if self._noise.any() else 0.0)
+            self._apply(data, source.normal(0.0, self.noise) if self.noise.any() else 0.0)
             second(self.model, data)
             data.ctrl[:] = command
 
@@ -60,21 +53,26 @@ class DriveEffects:
 
     def _apply(self, data: mujoco.MjData, noise: Any) -> None:
         """Replace the controls that act in the next step. For a delayed drive, this control is the oldest of the past controls."""
-        model, control = self.model, data.ctrl.copy()
-        acting = self._cursors + 1 + self._counts + (data.history[self._cursors].astype(int) + 1) % self._counts
+        control, counts = data.ctrl.copy(), self.counts[self._delayed]
+        acting = self._cursors + 1 + counts + (data.history[self._cursors].astype(int) + 1) % counts
         if not self._undelayed:
             control[self._delayed] = data.history[acting]
-        low, high = np.where(model.actuator_ctrllimited[:, None], model.actuator_ctrlrange, (-np.inf, np.inf)).T
-        control = self._limit(data, np.clip(control + noise, low, high))
+        control = self.limit(self.model, data.actuator_length, data.actuator_velocity, control + noise, np)
         data.history[acting] = control[self._delayed]
-        data.ctrl[:] = np.where(model.actuator_history[:, 0] > 0, data.ctrl, control)
+        data.ctrl[:] = np.where(self.counts > 0, data.ctrl, control)
 
-    def _limit(self, data: mujoco.MjData, control: Array) -> Array:
-        """Return the controls with which the drives ignore errors in their deadbands, and stay within their torque-speed lines."""
-        gain, (constant, position, velocity) = self._gain, self.model.actuator_biasprm[:, :3].T
-        speed, spring = data.actuator_velocity, position * data.actuator_length
-        measured = -np.where(position, spring, velocity * speed) / gain  # 0 for a motor
-        control = np.where(np.abs(control - measured) <= self._deadband, measured, control)
+    def limit(self, model: Any, length: Any, speed: Any, control: Any, xp: Any) -> Any:
+        """Return controls `(nu,)` for drives that ignore errors in their deadbands, and stay in their ranges and torque-speed lines.
+
+        `model` is a model of MuJoCo or MJX, and `xp` is the module `numpy` or `jax.numpy`. `length` and `speed` `(nu,)` are the lengths and
+        velocities of the actuators.
+        """
+        low, high = xp.where(self.model.actuator_ctrllimited[:, None], model.actuator_ctrlrange, np.array([-np.inf, np.inf])).T
+        control = xp.clip(control, low, high)
+        gain, (constant, position, velocity) = model.actuator_gainprm[:, 0], model.actuator_biasprm[:, :3].T
+        gain, spring = xp.where(gain == 0.0, 1.0, gain), position * length
+        measured = -xp.where(position, spring, velocity * speed) / gain  # 0 for a motor
+        control = xp.where(abs(control - measured) <= self._deadband, measured, control)
         force = gain * control + constant + spring + velocity * speed
-        limited = np.clip(force, -self._stall * (1.0 + speed / self._speed), self._stall * (1.0 - speed / self._speed))
-        return np.where(np.isfinite(self._stall), control + (limited - force) / gain, control)
+        limited = xp.clip(force, -self._stall * (1.0 + speed / self._speed), self._stall * (1.0 - speed / self._speed))
+        return xp.where(self._stall, control + (limited - force) / gain, control)

@@ -32,8 +32,7 @@ try:
     import jax.numpy as jnp
     from jax.custom_batching import custom_vmap
     from mujoco import mjx
-    from mujoco.mjx._src.forward import _integrate_pos, euler, implicit, rungekutta4
-    from mujoco.mjx._src.types import IntegratorType
+    from mujoco.mjx._src.forward import _integrate_pos
 except ImportError as fault:  # pragma: no cover - reported with a help text
     raise ImportError("environments in JAX require MJX: `pip install thingc[jax]`") from fault
 
@@ -49,7 +48,7 @@ MOVING = ("body_pos", "body_quat", "jnt_pos", "jnt_axis", "site_pos", "site_quat
 ENTERED = ("time", "qpos", "qvel", "mocap_pos", "mocap_quat", "qacc_warmstart")
 """Names of the fields of MJX data that a mode switch changes."""
 
-INTEGRATORS = {IntegratorType.EULER: euler, IntegratorType.RK4: rungekutta4, IntegratorType.IMPLICITFAST: implicit}
+INTEGRATORS = {mjx.IntegratorType.EULER: mjx.euler, mjx.IntegratorType.RK4: mjx.rungekutta4, mjx.IntegratorType.IMPLICITFAST: mjx.implicit}
 """The functions with which `mjx.step` integrates."""
 
 
@@ -65,6 +64,8 @@ class MjxState(NamedTuple):
         terminated: True if the function `terminated` returned True or the simulation is unstable (reward 0).
         truncated: True if the episode has reached `max_steps` actions.
         refused: True if the mode switch that the last action requested was refused.
+        commands: The past controls of delayed drives, with a row for each simulation step and a column for each actuator.
+        key: The key of the noise of the drives.
     """
 
     data: tuple[mjx.Data, ...]
@@ -75,6 +76,8 @@ class MjxState(NamedTuple):
     terminated: jax.Array
     truncated: jax.Array
     refused: jax.Array
+    commands: jax.Array
+    key: jax.Array
 
 
 class MjxStep(NamedTuple):
@@ -133,10 +136,13 @@ class MjxEnv:
         if isinstance(robot, NoModel):
             raise FamilyError(robot.reason)
         self._worlds = tuple(
-            _World(robot[mode], family.mjx(names, mode=mode, at=at, floor=floor, dtype=dtype)) for mode in self.modes
+            _World(robot[mode], family.mjx(names, mode=mode, at=at, floor=floor, dtype=dtype, delays=True)) for mode in self.modes
         )
-        if any(DriveEffects(world.family.mj_model).acts for world in self._worlds):
-            raise FamilyError("environments in MJX do not support `stall`, `deadband` and `noise` of drives", "use `make_vec_env`")
+        self._delay = max(int(world.effects.counts.max(initial=0)) for world in self._worlds)
+        options = {(world.family.mj_model.opt.timestep, world.family.mj_model.opt.integrator) for world in self._worlds}
+        varies = len(options) > 1 or "opt.timestep" in self._worlds[0].family.varied
+        if self._delay and (varies or any(kind == mjx.IntegratorType.RK4 for _, kind in options)):
+            raise FamilyError("in MJX, drives with a `delay` require the same time step, and not `rk4` as integrator", "use `make_vec_env`")
         if len(self.modes) > 1:
             for world in self._worlds:
                 world.check_switches()
@@ -145,6 +151,7 @@ class MjxEnv:
         self._observation = default_observation(len(self.modes)) if observation is None else observation
         self._frame_skip, self._max_steps, self._noise, self._on_motion = frame_skip, max_steps, noise, on_motion
         self._controls = [np.array([self.actuators.index(name) for name in world.map.actuators], dtype=int) for world in self._worlds]
+        self._exists = np.array([[name in world.map.actuators for name in self.actuators] for world in self._worlds])
 
     @property
     def action_size(self) -> int:
@@ -169,7 +176,8 @@ class MjxEnv:
 
     def reset(self, models: Sequence[mjx.Model], key: jax.Array) -> MjxState:
         """Return the state of a robot at the start of an episode. `models` contains the MJX model of the robot in each mode."""
-        data = [mjx.make_data(model) for model in models]
+        data = [mjx.make_data(model).replace(ctrl=jnp.asarray(own.control)) for own, model in zip(self._worlds, models, strict=True)]
+        commands = jnp.zeros((self._delay, self.action_size)).at[:, self._controls[0]].set(data[0].ctrl)
         first, model = self._worlds[0].family.mj_model, models[0]
         qpos, mocap = (first.key_qpos[0], (first.key_mpos[0], first.key_mquat[0])) if first.nkey else (first.qpos0, None)
         offsets = jax.random.uniform(key, (first.nv,), minval=-self._noise, maxval=self._noise)
@@ -180,7 +188,8 @@ class MjxEnv:
         nothing, false = jnp.zeros(()), jnp.zeros((), dtype=bool)
         step_info = self._step_info(0, models[0], data[0], jnp.zeros(self.action_size), data[0].subtree_com[0])
         zero = jnp.zeros((), dtype=int)
-        return MjxState(tuple(data), zero, zero, jnp.asarray(self._observation(step_info)), nothing, false, false, false)
+        observation, key = jnp.asarray(self._observation(step_info)), jax.random.fold_in(key, 1)
+        return MjxState(tuple(data), zero, zero, observation, nothing, false, false, false, commands, key)
 
     def step(self, models: Sequence[mjx.Model], state: MjxState, action: jax.Array, mode: Any = 0) -> MjxState:
         """Apply an action to a robot, and return its new state. `mode` is the index of the mode to which the robot switches first.
@@ -192,12 +201,12 @@ class MjxEnv:
         action = jnp.clip(action, -1.0, 1.0)
         centre = jnp.stack([data.subtree_com[0] for data in state.data])[state.mode]
         data, current, refused = self._switch_mode(models, state, jnp.asarray(mode))
-        results = (state.observation, state.reward, state.terminated)
+        results: Any = (state.observation, state.reward, state.terminated, state.commands)
         for number, (model, data_of_mode) in enumerate(zip(models, data, strict=True)):
-            stepped = partial(self._step_mode, number, model, data_of_mode, action, centre)
+            stepped = partial(self._step_mode, number, model, data_of_mode, action, centre, state)
             data[number], results = _update(current == number, stepped, (data_of_mode, results))
-        steps = state.steps + 1
-        return MjxState(tuple(data), current, steps, *results, steps >= self._max_steps, refused)
+        steps, (observation, reward, ended, past) = state.steps + 1, results
+        return MjxState(tuple(data), current, steps, observation, reward, ended, steps >= self._max_steps, refused, past, state.key)
 
     # --- implementation -------------------------------------------------------------------------------------------------
 
@@ -233,34 +242,48 @@ class MjxEnv:
         return {name: jnp.where(valid, getattr(entered, name), getattr(data, name)) for name in ENTERED}, ~valid
 
     def _step_mode(
-        self, number: int, model: mjx.Model, data: mjx.Data, action: jax.Array, centre: jax.Array,
-    ) -> tuple[mjx.Data, tuple[Any, Any, Any]]:
-        """Simulate one action of a robot in a single mode.
+        self, number: int, model: mjx.Model, data: mjx.Data, action: jax.Array, centre: jax.Array, state: MjxState,
+    ) -> tuple[mjx.Data, tuple[Any, Any, Any, Any]]:
+        """Simulate one action of a robot in a single mode. `state` is the state before the action.
 
-        Return the MJX data, and a tuple of the observation, the reward and a flag that is True if the episode is terminated.
+        Return the MJX data, and a tuple of the observation, the reward, a flag that is True if the episode is terminated, and the past
+        controls of all actuators.
         """
-        world = self._worlds[number]
+        world, columns = self._worlds[number], self._controls[number]
         low, high = world.spans
-        model, data = world.family.put(model, data.replace(ctrl=low + (action[self._controls[number]] + 1.0) / 2.0 * (high - low)))
-        data = self._simulate(model, data)
+        past = jnp.where(jnp.asarray(self._exists)[state.mode][columns], state.commands[:, columns], data.ctrl)
+        model, data = world.family.put(model, data.replace(ctrl=low + (action[columns] + 1.0) / 2.0 * (high - low)))
+        data, past = self._simulate(world.effects, model, data, past, jax.random.fold_in(state.key, state.steps))
         info = self._step_info(number, model, data, action, centre)
         unstable = ~jnp.isfinite(data.qpos).all()
         ended = unstable if self._terminated is None else unstable | self._terminated(info)
-        return data, (jnp.asarray(self._observation(info)), jnp.where(unstable, 0.0, self._reward(info)), ended)
+        observation, reward = jnp.asarray(self._observation(info)), jnp.where(unstable, 0.0, self._reward(info))
+        return data, (observation, reward, ended, state.commands.at[:, columns].set(past))
 
-    def _simulate(self, model: mjx.Model, data: mjx.Data) -> mjx.Data:
+    def _simulate(
+        self, effects: DriveEffects, model: mjx.Model, data: mjx.Data, past: jax.Array, key: jax.Array,
+    ) -> tuple[mjx.Data, jax.Array]:
         """Return MJX data after `frame_skip` simulation steps, with the results of `mjx.forward` for the final state.
 
         A step consists of `mjx.forward` and an integration. The final `mjx.forward` is an iteration without integration, so that JAX
-        compiles `mjx.forward` only once.
+        compiles `mjx.forward` only once. Also return the past controls `past` after these steps.
         """
-        integrate = INTEGRATORS[model.opt.integrator]
+        integrate, control = INTEGRATORS[model.opt.integrator], data.ctrl
 
-        def iterate(own: mjx.Data, is_last: jax.Array) -> tuple[mjx.Data, None]:
+        def iterate(carried: tuple[mjx.Data, jax.Array], step: jax.Array) -> tuple[tuple[mjx.Data, jax.Array], None]:
+            own, past = carried
+            sent, is_last = jnp.concatenate([past, control[None]]), step == self._frame_skip
+            if effects.acts:
+                noise = effects.noise * jax.random.normal(jax.random.fold_in(key, step), control.shape)
+                acting = sent[len(past) - effects.counts, np.arange(len(control))] + jnp.where(is_last, 0.0, noise)
+                placed = mjx.transmission(model, mjx.tendon(model, mjx.com_pos(model, mjx.kinematics(model, own))))
+                speed = placed._impl.actuator_moment @ own.qvel
+                own = own.replace(ctrl=effects.limit(model, placed.actuator_length, speed, acting, jnp))
             own = mjx.forward(model, own)
-            return jax.lax.cond(is_last, lambda: own, lambda: integrate(model, own)), None
+            return jax.lax.cond(is_last, lambda: (own, past), lambda: (integrate(model, own), sent[1:])), None
 
-        return jax.lax.scan(iterate, data, jnp.arange(self._frame_skip + 1) == self._frame_skip)[0]
+        (data, past), _ = jax.lax.scan(iterate, (data, past), jnp.arange(self._frame_skip + 1))
+        return data.replace(ctrl=control), past
 
     def _step_info(self, number: int, model: mjx.Model, data: mjx.Data, action: jax.Array, centre: jax.Array) -> MjxStep:
         world, seconds = self._worlds[number], model.opt.timestep * self._frame_skip
@@ -287,6 +310,12 @@ class _World:
         self.family = family
         self.map = map_model(mode, family.mj_model)
         self.spans = spans_of(family.mj_model)
+        self.control = family.mj_model.key_ctrl[0] if family.mj_model.nkey else np.zeros(family.mj_model.nu)
+        self.effects = DriveEffects(family.mj_model, undelayed=True)  # MJX does not delay controls, so the environment does
+        family.base = family.base.tree_replace({"opt.disableflags": mjx.DisableBit(family.mj_model.opt.disableflags)})
+        if self.effects.acts and family.drives_vary:
+            what = f"the deadband, noise, delay or torque-speed line of a drive depends on {', '.join(family.names)}"
+            raise FamilyError(what, "use `at` to fix these values, or use `make_vec_env`")
         self._inertias = inertia_rows(mode, family.mj_model)
         self._root = family.mj_model.body(mode.root_link).id
 

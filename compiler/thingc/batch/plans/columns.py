@@ -167,11 +167,16 @@ def _hypot(arguments: Sequence[Any], ok: Booleans) -> Any:
     result = np.where(high == 0.0, 0.0, root + change)
     distance = np.abs(change - (result - root)) / np.spacing(result)  # below a power of two, the middle is at a quarter
     sure = (np.abs(distance - 0.5) > _LAST) & (np.abs(distance - 0.25) > _LAST)
-    for row in np.flatnonzero(~((largest < 1e120) & ~tiny & ((high == 0.0) | sure))):
-        length = _attempt(numeric.hypot, [float(values[row]) for values in components])
-        ok[row] &= length is not None
-        result[row] = np.nan if length is None else length
+    _compute_again(~((largest < 1e120) & ~tiny & ((high == 0.0) | sure)), numeric.hypot, components, result, ok)
     return result
+
+
+def _compute_again(rows: Booleans, function: Callable[..., Any], arguments: Sequence[Floats], results: Floats, ok: Booleans) -> None:
+    """Replace the results in the given rows by the results of a Python function. If a call fails, set the flag in `ok` to False."""
+    for row in np.flatnonzero(rows):
+        exact = _attempt(function, [float(values[row]) for values in arguments])
+        ok[row] &= exact is not None
+        results[..., row] = np.nan if exact is None else exact
 
 
 def _moments(arguments: Sequence[Any], ok: Booleans) -> Floats:
@@ -196,10 +201,8 @@ def _moments(arguments: Sequence[Any], ok: Booleans) -> Floats:
         if not np.any(off_diagonal > 1e-16 * np.abs(m[0][0])):
             break
     moments: Floats = np.sort([m[0][0], m[1][1], m[2][2]], axis=0)
-    for row in np.flatnonzero(~((off_diagonal <= 1e-15 * moments[2]) & (moments[0] > 1e-3 * moments[2]))):
-        exact = _attempt(numeric.OPERATIONS[MOMENTS], [float(entry[row]) for entry in entries])
-        ok[row] &= exact is not None
-        moments[:, row] = np.nan if exact is None else exact
+    unsure = ~((off_diagonal <= 1e-15 * moments[2]) & (moments[0] > 1e-3 * moments[2]))
+    _compute_again(unsure, numeric.OPERATIONS[MOMENTS], entries, moments, ok)
     return moments
 
 
@@ -222,10 +225,7 @@ def _fsum(arguments: Sequence[Any], ok: Booleans) -> Any:
     distance = np.abs(errors - (result - total)) / spacing
     sure = (np.abs(distance - 0.5) > _LAST) & (np.abs(distance - 0.25) > _LAST) & (lost_sum < _LAST / 4.0 * spacing)
     result = result + 0.0  # for zeros with a sign, `math.fsum` returns 0.0
-    for row in np.flatnonzero(~((lost_sum == 0.0) | sure) | ~np.isfinite(result)):
-        exact = _attempt(math.fsum, [[float(one[row]) for one in values]])
-        ok[row] &= exact is not None
-        result[row] = np.nan if exact is None else exact
+    _compute_again(~((lost_sum == 0.0) | sure) | ~np.isfinite(result), lambda *row: math.fsum(row), values, result, ok)
     return result
 
 

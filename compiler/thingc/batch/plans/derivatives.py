@@ -280,9 +280,7 @@ def _forward(program: Program, steps: Sequence[Step], varying: Sequence[int]) ->
         for place, partial in _partials(step, statements):
             for variable, derivative in known[_index(step.arguments[place])].items():
                 sums[variable].append(_product(partial, derivative))
-        known[step.target] = {
-            variable: _name_sum(f"d{step.target}_{variable}", terms, statements) for variable, terms in sums.items()
-        }
+        known[step.target] = {variable: _name_sum(f"d{step.target}_{variable}", terms, statements) for variable, terms in sums.items()}
     entries = [known.get(_index(one), {}).get(variable, "0.0") for one in program.outputs for variable in range(len(varying))]
     return statements, entries
 

@@ -168,9 +168,7 @@ def keyframes_of(
         moved = _movements(loops, start, solution, following - pose.values.keys()) if solution.closed else {}
         if not solution.closed:
             failed.append(solution)
-        if not solution.closed or (
-            pose.name != mode.pose and any(abs(moved.get(c.path, 0.0)) > FAR * c.unit for c in loops.coordinates)
-        ):
+        if not solution.closed or (pose.name != mode.pose and any(abs(moved.get(c.path, 0.0)) > FAR * c.unit for c in loops.coordinates)):
             closure, residual = _worst(loops, solution)
             unclosed.append(Unclosed(name=pose.name, path=closure.path, residual=residual, origin=pose.origin, moved=moved))
         else:

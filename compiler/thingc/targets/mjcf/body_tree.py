@@ -66,9 +66,7 @@ def group_masks(groups: Sequence[ContactGroup[int]]) -> dict[int, elements.Masks
     `others` is the default of MuJoCo.
     """
     bits = {OTHERS: 1, **{group.name: 1 << number for number, group in enumerate(groups, 1)}}
-    return {
-        member: (bits[group.name], sum(bits[name] for name in set(group.collides))) for group in groups for member in group.members
-    }
+    return {member: (bits[group.name], sum(bits[name] for name in set(group.collides))) for group in groups for member in group.members}
 
 
 def adhesion_name(robot: Robot, path: str) -> str:

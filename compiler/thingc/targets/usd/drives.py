@@ -160,9 +160,7 @@ def follow(prim: Prim, joint: UsdJoint, follower: MimicJoint, leader: str) -> No
     """
     offset, bounds = follower.offset * (numeric.degrees(1.0) if follower.turns else 1.0), limits(joint, follower)
     prim.schemas.append("NewtonMimicAPI")
-    prim.fill({
-        "rel newton:mimicJoint": f"<{leader}>", "float newton:mimicCoef0": offset, "float newton:mimicCoef1": follower.multiplier,
-    })
+    prim.fill({"rel newton:mimicJoint": f"<{leader}>", "float newton:mimicCoef0": offset, "float newton:mimicCoef1": follower.multiplier})
     if not follower.turns or follower.reach is not None and all(map(numeric.isfinite, bounds)):
         prim.schemas.append(f"PhysxMimicJointAPI:{AXIS}")
         name = f"physxMimicJoint:{AXIS}"

@@ -272,10 +272,7 @@ def _test(arguments: argparse.Namespace, documents: Documents | None) -> Documen
     if "$motion" in kinds()[arguments.kind].stub.values() and not motions:
         raise console.WrongCommandLine(f"a `{arguments.kind}` test requires a motion of the document", "add `motions` to the document")
     last = list(_section(root.tree, "components"))[-1]
-    words = {
-        "$base": f"{_base(root)}.origin", "$mount": next(iter(mounts), f"{last}.origin"),
-        "$motion": next(iter(motions), ""),
-    }
+    words = {"$base": f"{_base(root)}.origin", "$mount": next(iter(mounts), f"{last}.origin"), "$motion": next(iter(motions), "")}
     stub = {key: words.get(value, value) if isinstance(value, str) else value for key, value in kinds()[arguments.kind].stub.items()}
     return DocumentEdit(values={("tests", name): {arguments.kind: stub}})
 

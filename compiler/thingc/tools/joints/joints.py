@@ -216,9 +216,7 @@ def _edits(
     return values, removed, changes
 
 
-def _outwards(
-    accepted: Sequence[JointProposal], of: Mapping[str, int], base: int,
-) -> Iterator[tuple[JointProposal, str, str, bool]]:
+def _outwards(accepted: Sequence[JointProposal], of: Mapping[str, int], base: int) -> Iterator[tuple[JointProposal, str, str, bool]]:
     """Yield each joint with its parent, its child, and whether it closes a loop, starting at the group `base`."""
     reached, waiting = {base}, list(accepted)
     while waiting:

@@ -140,9 +140,7 @@ class _Reading:
         pieces = (self._part(name, label, [solid], colors, warp) for solid, colors in zip(solids, of_solids, strict=True))
         return StepChild(name=name, pose=NO_POSE, assembly=self.add_group(name, pieces))
 
-    def _part(
-        self, name: str, label: TDF_Label, solids: Sequence[Any], colors: tuple[str, ...], warp: gp_Trsf | None,
-    ) -> StepChild:
+    def _part(self, name: str, label: TDF_Label, solids: Sequence[Any], colors: tuple[str, ...], warp: gp_Trsf | None) -> StepChild:
         placed = [solid if warp is None else BRepBuilderAPI_Transform(solid, warp, True).Shape() for solid in map(at_origin, solids)]
         shape = compound_of(placed)
         material, density = _material(label)

@@ -166,9 +166,7 @@ def _moved_joints(root: Document, compilation: Compilation, shift: JointShift) -
     return [joint for joint in joints_of(compilation.assembly) if joint.origin[:1] == (place,)]
 
 
-def _edits(
-    document: Document, compilation: Compilation, shift: JointShift, moved: Sequence[JointEdge], *, own: bool,
-) -> dict[Keys, str]:
+def _edits(document: Document, compilation: Compilation, shift: JointShift, moved: Sequence[JointEdge], *, own: bool) -> dict[Keys, str]:
     """Return the edits of a document. If `own` is true, the document defines the joint. Raises `ShiftRefused`."""
     model, assembly = compilation.model, compilation.assembly
     assert model is not None and assembly is not None

@@ -164,9 +164,7 @@ class AxisLine(NamedTuple):
     axis: Array
     tolerance: float
 
-    def differences(
-        self, one: Sequence[LinkFeature], other: Sequence[LinkFeature], *, turns: bool, most: int,
-    ) -> list[float] | None:
+    def differences(self, one: Sequence[LinkFeature], other: Sequence[LinkFeature], *, turns: bool, most: int) -> list[float] | None:
         """Return the angles [rad] or distances [m] by which features of `other` move to those of `one` with the same tag.
 
         Only the `most` most exact features of `one` are used. Return None if none of them is exact enough.

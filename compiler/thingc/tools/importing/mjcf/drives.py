@@ -72,9 +72,7 @@ class Actuators:
                 self._unsaid(number, what)
         self.adhesions = tuple(adhesions)
 
-    def _driving(
-        self, number: int, what: SourceTarget, target: int, drives: dict[int, SourceDrive], ends: Bounds, most: Bounds,
-    ) -> str:
+    def _driving(self, number: int, what: SourceTarget, target: int, drives: dict[int, SourceDrive], ends: Bounds, most: Bounds) -> str:
         """Convert an actuator to a drive, and add the drive to `drives` under the index of the driven joint or tendon.
 
         `ends` limits the coordinate or length [rad or m], and `most` the total actuator force [N m or N].
