@@ -133,7 +133,7 @@ def test_deleted_store_is_reported(levers: Path, tmp_path: Path) -> None:
             family.write({}, tmp_path / "second")
         assert fault.value.diagnostic.help == "create the family again" and not (tmp_path / "second").exists()
         for asked in (lambda: family.model({}), lambda: list(family.models([{}])), lambda: family.batched([{}])):
-            with pytest.raises(StoreUnusable, match="no longer contains the meshes of parts; create the family again"):
+            with pytest.raises(StoreUnusable, match="the meshes of parts are missing; create the family again"):
                 asked()
     with thingc.family(levers, store=str(tmp_path / "store")) as anew:
         assert anew.write({}, tmp_path / "second") == ()

@@ -114,7 +114,7 @@ def test_the_descriptor_spans_the_family(some: Path) -> None:
 
 @pytest.mark.filterwarnings("ignore:.*A Box observation space m..imum value is.*")
 def test_other_sizes_are_rejected_or_padded(arms: Path) -> None:
-    with pytest.raises(FamilyError, match=r"variant `arms_0` has nq = 1, but `arms_1` has 2: .*`pad=True`"):
+    with pytest.raises(FamilyError, match=r"`arms_0` and `arms_1` differ in nq .1 and 2. in mode `standing`: .*`pad=True`"):
         make_env(arms, reward="hold")
     env = make_env(arms, pad=True, descriptor=("mass",))
     assert env.observation_space.shape == (2 + 2 + 1,) and env.action_space.shape == (2,)

@@ -114,7 +114,7 @@ def test_too_large_workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bo
     (here / "videos" / "walk.mp4").write_bytes(bytes(1_990_000))
     (here / "videos" / "run.mp4").write_bytes(bytes(20_000))
     monkeypatch.setattr(workspace_archive, bound, value)
-    with pytest.raises(BatchFault, match=f"has more than {words}, the limit of --ship.*`videos`") as caught:
+    with pytest.raises(BatchFault, match=rf"exceeds the limit of --ship \({words}\).*`videos`") as caught:
         packed(here)
     assert caught.value.diagnostic.code is Code.TOO_LARGE and "thingc.toml" in str(caught.value.diagnostic.help)
 
