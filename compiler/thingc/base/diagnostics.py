@@ -125,7 +125,7 @@ class Code(Enum):
     DRIVE = ("TC326", "invalid drive of a joint", "Use a component with an actuator, or write the drive inline.")
     PART_MISSING = ("TC327", "unknown part", "Write `module:Class` with a module in a part folder and a class of this module.")
     PART_REFUSED = ("TC328", "part of a module that is not allowed", "Use a part from the `parts` folders or `packages` in `thingc.toml`.")
-    TOO_MANY = ("TC331", "a count limit is exceeded", "Reduce the number that the message shows.")
+    TOO_MANY = ("TC331", "there are too many elements", "Reduce the number that the message shows.")
     NO_ROOT = ("TC332", "mode without a root", "Write `root: component` or `root: component.mount`.")
     EXTENDS_CYCLE = ("TC333", "modes that extend each other in a cycle", "Remove `extends` from one mode of the cycle.")
     POSE = ("TC334", "invalid value in a pose", "Set only joints that move independently.")

@@ -283,7 +283,7 @@ class _RecordWalk:
         self.other_values: list[Hashable] = []
 
     def replace_slices(self, record: PartRecord) -> Any:
-        """Return the slicing results of a part record, with replaced numbers."""
+        """Return the slicing results of a part record, with the numbers of the current settings."""
         return self._replace_field("slices", record)
 
     def replace_record(self, record: PartRecord) -> PartRecord:

@@ -72,7 +72,7 @@ class PlanMaker(ABC, Generic[Template, Result]):
 
     @abstractmethod
     def compute(self, plan: NumericPlan[Template], outputs: Any, parsed: ParsedSettings) -> Result | None:
-        """Insert the outputs of a plan into its template. Return None, or raise `ValueError`, if the resulting object is invalid."""
+        """Insert the outputs of a plan into its template. If it becomes invalid, return None or raise `ValueError`."""
 
     def difference(self, computed: Result, compiled: Result) -> str:
         """Compare the object that a plan computed with the compiled object. Describe the difference, or return an empty string."""

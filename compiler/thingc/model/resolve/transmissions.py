@@ -105,7 +105,7 @@ class _Reader:
                            (*path, "matrix"), "write linearly independent rows, for example `[[1, 1], [1, -1]]`")
 
     def row(self, raw: Sequence[Any], joints: Sequence[Joint], path: Path) -> tuple[list[float], Dimension]:
-        """Return the valid factors of an actuator of a differential, and the physical dimension of the actuator's position."""
+        """Return the row of an actuator in the matrix of a differential, and the physical dimension of the actuator's position."""
         motor: Dimension | None = None
         row: list[float] = []
         for k, (value, joint) in enumerate(zip(raw, joints, strict=False)):

@@ -90,7 +90,7 @@ class DocumentChanges:
                 self._on.setdefault(path.rpartition("/")[0], []).append(change)
 
     def roots(self, change: Change) -> tuple[str, ...]:
-        """Return the paths of the user's changes that caused a change. If the change has no cause, return the path of the change itself."""
+        """Return the paths of the edits that caused `change`, or the path of `change` itself if it has no other cause."""
         return tuple(word for word in change.because if word != PERHAPS) if change.caused else (change.path,)
 
     def causes(self, kind: What, paths: Iterable[str], fields: Iterable[str] | None = None) -> dict[str, None]:

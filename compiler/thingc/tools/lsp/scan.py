@@ -94,7 +94,7 @@ class Scan(ABC):
 
     @abstractmethod
     def ends_flow(self, line: int, column: int) -> bool:
-        """Return whether the line at the offset `line` cannot be inside an open bracket of a key at the given column."""
+        """Return whether the line at the offset `line` ends the brackets that the value of a key at this column has opened."""
 
     def run(self) -> None:
         """Scan the whole text of the document, and store the keys, the scalars and the context of the cursor."""

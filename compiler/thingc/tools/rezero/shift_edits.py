@@ -28,7 +28,7 @@ ZERO = ExactQuantity()
 
 
 class ShiftRefused(UserError):
-    """Raised if a document cannot be changed for a joint. `diagnostic` contains the reason and the location."""
+    """Raised if the zero or the sign of a joint cannot be changed. `diagnostic` contains the reason and the location."""
 
 
 class JointShift(FrozenStruct):

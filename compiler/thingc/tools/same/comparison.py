@@ -234,7 +234,7 @@ def _properties(one: Mechanism, other: Mechanism, best: RobotMap, tolerance: flo
 
 
 def residual(one: Mechanism, other: Mechanism, best: RobotMap) -> tuple[float, float]:
-    """Return the largest differences of positions [m] and rotations [rad] of links in random configurations within limits.
+    """Return the largest differences between two robots: of link positions [m] and rotations [rad] in random configurations.
 
     Both robots are computed by forward kinematics from one link. Joints that close loops are ignored.
     """

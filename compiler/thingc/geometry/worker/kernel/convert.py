@@ -19,7 +19,7 @@ _UNITS = {"length": "mm", "angle": "deg"}
 
 
 def to_si(kind: str, value: Any) -> Value:
-    """Convert a parameter's value from the units of part code to SI units. `kind` is a kind of `ParameterSchema`.
+    """Convert the value of a parameter from the units of part code (mm, deg) to SI units. `kind` is its kind in `ParameterSchema`.
 
     The result is rounded in the same way as a value in a document. Therefore, a default is equal to the same value in a document.
     """

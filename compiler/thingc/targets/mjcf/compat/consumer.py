@@ -12,7 +12,7 @@ from thingc.targets.xml_writer import Element
 
 
 class Refusal(FrozenStruct):
-    """The reason why a consumer rejects a model, if the model cannot be adapted without affecting other readers.
+    """The reason why a program cannot read a model. No change of the model would help without an effect on other programs.
 
     `what` is the reason, as a text that follows a colon. `origin` and `path` are the location of the cause, and `hint` is the help text.
     """
