@@ -190,11 +190,10 @@ def test_class_attributes_of_wrong_type_are_reported() -> None:
 
     with pytest.raises(TypeError, match=r"^`bom` of `Wrong` must map strings to strings, found \{'number': 3\}$"):
         inspection.bom_of(Wrong())
-    known = "known keys: `cost`, `link`, `make`, `name`, `number`, `supplier`"
-    for key, hint in (("suplier", r"did you mean `supplier`\?"), ("colour", known)):
-        Wrong.bom = {"number": "3", key: "red"}
-        with pytest.raises(TypeError, match=f"^`bom` of `Wrong` has the unknown key `{key}`: {hint}$"):
-            inspection.bom_of(Wrong())
+    Wrong.bom = {"number": "3", "colour": "red"}
+    known = "`cost`, `link`, `make`, `name`, `number`, `supplier`"
+    with pytest.raises(TypeError, match=f"^`bom` of `Wrong` has the unknown key `colour`; use {known}$"):
+        inspection.bom_of(Wrong())
     Wrong.bom = dict.fromkeys(("number", "name", "supplier", "cost", "make", "link"), "x")
     assert inspection.bom_of(Wrong()) == Wrong.bom
     for part in (Wrong, Wrong()):

@@ -148,7 +148,9 @@ class Bolts(MountFeature, kw_only=False):
         for x, y in smaller:
             square, u, v = min(((x - u) * (x - u) + (y - v) * (y - v), u, v) for u, v in larger)
             if square > SAME_PLACE**2:
-                found, expected = (f"bolt at {round(degrees(atan2(b, a)), 6) + 0.0:.6g} deg, {mm(hypot(a, b))}" for a, b in ((x, y), (u, v)))
+                angles = [round(degrees(atan2(b, a)), 6) + 0.0 for a, b in ((x, y), (u, v))]
+                lengths = mm(hypot(x, y)), mm(hypot(u, v))
+                found, expected = (f"bolt at {angle:.6g} deg, {length}" for angle, length in zip(angles, lengths, strict=True))
                 comparison = f"distance {mm(sqrt(square))}, in the frame of the first mount"
                 return [(expected, found, comparison) if swapped else (found, expected, comparison)]
         return []

@@ -20,7 +20,6 @@ from typing import Any, Literal, TypeAlias, Union, cast
 from build123d.build_enums import Select
 from build123d.topology import Compound, Shape
 
-from thingc.base.suggestions import did_you_mean
 from thingc.geometry.things.actuator import Actuator, check_sourced
 from thingc.geometry.things.construction import create_thing, family_signature, make
 from thingc.geometry.things.mounts import MountPoint
@@ -269,7 +268,7 @@ def bom_of(thing: Thing) -> dict[str, str]:
     if not isinstance(bom, Mapping) or not all(isinstance(text, str) for pair in bom.items() for text in pair):
         raise TypeError(f"{what} must map strings to strings, found {bom!r}")
     for key in sorted(bom.keys() - BOM_KEYS):
-        raise TypeError(f"{what} has the unknown key `{key}`: {did_you_mean(key, BOM_KEYS, what='keys')}")
+        raise TypeError(f"{what} has the unknown key `{key}`; use {', '.join(f'`{known}`' for known in sorted(BOM_KEYS))}")
     return dict(bom)
 
 
