@@ -111,7 +111,7 @@ def test_changed_robot_files_are_compared(robot_files: Path, capsys: pytest.Capt
     (robot_files / "pom.xml").write_text("<project/>")
     assert "component a: mass.value 300 g -> 450 g (+50 %)" in said(capsys, "HEAD")
     skipped = "arm.urdf: changed, but not compared because of --no-code"
-    assert said(capsys, "HEAD", "--no-code") == f"~ {skipped}\n"
+    assert said(capsys, "HEAD", "--no-code") == f"  {skipped}\n"
     assert said(capsys, "HEAD", "--no-code", "--format", "markdown").splitlines()[1] == f"- `arm.urdf` is {skipped.partition(': ')[2]}"
     said(capsys, "HEAD", "--no-code", "--fail-on", "file", code=1)
 
