@@ -159,7 +159,7 @@ def _places(model: Any, element: Element, above: Element, attribute: str, k: int
     name = element.get("name")
     kind = "equality" if tag == "joint" and element.get("joint1") else _KINDS.get(tag, tag)
     try:
-        owner = getattr(model, kind)(name) if name else model.key(0) if tag == "key" else None  # only the first keyframe has no name
+        owner = getattr(model, kind)(name) if name else None
     except (AttributeError, KeyError):
         owner = None
     if owner is not None and (tag, attribute) in _GAINS:

@@ -51,7 +51,8 @@ def body_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -
 
     `q` maps joint paths to positions [rad or m]. Positions of joints that are not in `q` are computed from mimics, or are 0.
     """
-    return placed_bodies(robot.bodies, coordinates(joints_of(robot.assembly), q), robot.bodies[0].X_PL if root is None else root)
+    full = coordinates(joints_of(robot.assembly), q)
+    return placed_bodies(robot.bodies, full, robot.bodies[0].X_PL if root is None else root)
 
 
 def placed_bodies(bodies: Sequence[Body], q: Mapping[str, float], root: Pose) -> tuple[Pose, ...]:
@@ -71,7 +72,8 @@ def occurrence_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = N
     The arguments have the same meaning as for `body_poses`.
     """
     at = {body.link: pose for body, pose in zip(robot.bodies, body_poses(robot, q, root))}
-    return tuple(at[link] @ pose for link, pose in zip(robot.assembly.link_of, in_link(robot.assembly)))
+    assembly = robot.assembly
+    return tuple(at[link] @ pose for link, pose in zip(assembly.link_of, in_link(assembly)))
 
 
 def course_of(robot: Robot, tendon: LinkedTendon, bodies: Sequence[Pose]) -> TendonCourse:

@@ -120,7 +120,8 @@ def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -
     loops = _doc_loops(assembly, memo)
     if loops is None:
         return q
-    return memo(("closed", None, pose and pose.name), close_pose, loops, SolverState(q=q, base=NO_POSE), frozenset(values), False).state.q
+    place = ("closed", None, None if pose is None else pose.name)
+    return memo(place, close_pose, loops, SolverState(q=q, base=NO_POSE), frozenset(values), False).state.q
 
 
 def _doc_loops(assembly: Assembly, memo: Memo) -> Loops | None:
@@ -293,4 +294,5 @@ def _measure(loops: Loops, solution: Solution) -> float:
 
 
 def _worst(loops: Loops, solution: Solution) -> tuple[Closure, tuple[float, float]]:
-    return max(zip(loops.closures, solution.residuals, strict=True), key=lambda pair: pair[1][0] ** 2 + (loops.length * pair[1][1]) ** 2)
+    pairs = zip(loops.closures, solution.residuals, strict=True)
+    return max(pairs, key=lambda pair: pair[1][0] ** 2 + (loops.length * pair[1][1]) ** 2)

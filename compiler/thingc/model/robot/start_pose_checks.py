@@ -141,23 +141,20 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
     """
     for paths, group in _group(robots, Code.START_LIMITS, report, _outside_limits).items():
         first, *more = (joint for body in group[0].bodies for joint in body.joints if joint.path in paths)
-        q = 0.0 if group[0].start is None else group[0].start.q[first.path]
         ends = [first.twist.format(end) for end in (first.limit.lower, first.limit.upper) if end is not None]
         _warn(
-            group, Code.START_LIMITS,
-            f"starts with `{first.path}` at {first.twist.format(q) if q else 0}, outside its limits ({' to '.join(ends)})",
+            group, Code.START_LIMITS, f"starts with `{first.path}` at 0, outside its limits ({' to '.join(ends)})",
             first.path, first.origin, report, more=[joint.path for joint in more[:3]],
-            help=f"add a `pose` with a value for `{first.name if first.mimic is None else first.mimic.joint}` to the mode",
+            help=f"add a `pose` with a value for `{first.name}` to the mode",
         )
 
 
 def _outside_limits(robot: Robot) -> tuple[str, ...] | None:
-    """Return the paths of the joints of a mode without a start pose whose limits do not contain their start, or None."""
+    """Return the paths of the joints of a mode without a start pose whose limits do not contain 0, or None."""
     if not robot.mode.stated or robot.mode.pose is not None or robot.closures:
         return None
-    q = {} if robot.start is None else robot.start.q
-    joints = (joint for body in robot.bodies for joint in body.joints)
-    return tuple(joint.path for joint in joints if not joint.limit.contains(q.get(joint.path, 0.0))) or None
+    free = (joint for body in robot.bodies for joint in body.joints if joint.mimic is None)
+    return tuple(joint.path for joint in free if not joint.limit.contains(0.0)) or None
 
 
 def _check_poses(robots: Sequence[Robot], report: Report) -> None:

@@ -12,7 +12,6 @@ from thingc.base.joints.twist import Twist
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Pose, Vector
 from thingc.base.source import Origin
-from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.types import Assembly, JointEdge, LinkedMode
 
 
@@ -199,12 +198,7 @@ class Robot(OneLineRepr, FrozenStruct):
 
     @property
     def start(self) -> Keyframe | None:
-        """The keyframe in which the mode starts, or None if all joints start at 0.
-
-        A mode without a pose starts in a keyframe with an empty name if joints that mimic others are not at 0 in this state.
-        """
-        if self.mode.pose is None and any((q := coordinates(joints_of(self.assembly), {})).values()):
-            return Keyframe(name="", q=q, origin=self.mode.origin)
+        """The keyframe in which the mode starts, or None if all joints start at 0."""
         return next((frame for frame in self.keyframes if frame.name == self.mode.pose), None)
 
     @property

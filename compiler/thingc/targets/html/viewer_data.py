@@ -221,7 +221,7 @@ def _mode(robot: Robot, places: _SourceLocations) -> Data:
         "feet": [_mount(foot.mount) for foot in mode.feet],
         "adhesion": {path: force for path, force in robot.adhesion.items() if force > 0.0},
         "driven": robot.present,
-        "start": start.name or None if start is not None else None,
+        "start": start.name if start is not None else None,
         "poses": [_pose(robot, frame) for frame in robot.keyframes],
         "unclosed": [pose.name for pose in robot.unclosed],
         **places.location(mode.origin),

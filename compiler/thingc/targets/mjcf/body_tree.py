@@ -274,11 +274,10 @@ class _Builder:
     def keyframe(self) -> None:
         """Add a keyframe for each pose of the mode, with joint positions and controls.
 
-        The pose of the base is specified by the mode. If the base is free, the holds determine its pose. If the mode has no pose, but does
-        not start with all joints at 0, the first keyframe is this start, without a name.
+        The pose of the base is specified by the mode. If the base is free, the holds determine its pose.
         """
-        section, start = self.root.add("keyframe"), self.robot.start
-        for frame in (*(() if start is None or start.name else (start,)), *self.robot.keyframes):
+        section = self.root.add("keyframe")
+        for frame in self.robot.keyframes:
             base = frame.base or self.robot.bodies[0].X_PL
             quaternion = self.memo(("base", self.robot.mode.name, frame.name), Pose.quaternion, base)
             qpos = [*base.translation, *quaternion] if self.robot.base == "free" else [*base_positions(self.robot)]
@@ -288,7 +287,7 @@ class _Builder:
             ctrl = [self.position(path, frame.q) for path in self.driven]
             ctrl += tendons.controls(self.robot, frame.q)
             ctrl += [self.robot.adhesion.get(magnet.path, 0.0) for magnet in self.assembly.adhesions]
-            values: list[tuple[str, XmlValue]] = [("name", frame.name)] if frame.name else []
+            values: list[tuple[str, XmlValue]] = [("name", frame.name)]
             values += [(name, tuple(row)) for name, row in (("qpos", qpos), ("ctrl", ctrl)) if row]
             mocap = [(base.translation, quaternion)] if self.robot.base == "held" else []
             mocap += [(pose.translation, pose.quaternion()) for pose in closures.anchors(self.robot).values()]

@@ -156,7 +156,7 @@ def check_state(model: Any, robot: Robot) -> InitialState:
 
     data = mujoco.MjData(model)
     frames = {frame.name: model.key(frame.name).id for frame in robot.keyframes}
-    start = -1 if robot.start is None else frames.get(robot.start.name, 0)
+    start = frames.get(robot.mode.pose or "", -1)
     overlaps: tuple[Penetration, ...] = ()
     worst: dict[str, Gains] = {}
     drives = {name: path for path, name in robot.assembly.drives.items()}

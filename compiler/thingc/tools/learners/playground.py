@@ -35,7 +35,7 @@ def _module(robot: Robot, tree: Element) -> bytes:
         *(assignment(name, values) for name, values in names.items()),
     ]
     for key in _section(tree, "keyframe").children[:1]:
-        blocks += [assignment("HOME_KEYFRAME", key.get("name"))] if key.get("name") else []
+        blocks.append(assignment("HOME_KEYFRAME", key.get("name")))
         blocks += [assignment(f"HOME_{name.upper()}", [float(number) for number in key.get(name).split()]) for name in ("qpos", "ctrl")]
     return module(robot, "MuJoCo Playground", ["from pathlib import Path"], blocks)
 
