@@ -140,7 +140,7 @@ def test_robots_switch_modes_as_in_mujoco(feet: thingc.RobotFamily) -> None:
 
 
 def test_numbers_that_move_mounts_are_refused(feet: thingc.RobotFamily) -> None:
-    with pytest.raises(FamilyError, match="use the poses of the document, and `.*` depends on length") as caught:
+    with pytest.raises(FamilyError, match="do not support a variable `.*`, which depends on length") as caught:
         MjxEnv(feet, ["length"], MODES, reward=velocity)
     assert caught.value.help == "use `at` to fix the numbers that move links, joints or mounts"
 
