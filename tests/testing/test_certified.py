@@ -193,7 +193,7 @@ def test_thin_vane_passing_a_pin_is_found(rig: Workspace, text: str) -> None:
     answer = rig.test(text, tests)
     assert [result["passed"] for result in answer["tests"]] == [True, False]
     (message,) = collisions(answer)
-    assert "`pin` and `vane` overlap" in message and abs(float(message.rpartition("turn ")[2].removesuffix(" deg")) - 118.7) < 1.0
+    assert "`pin` and `vane` overlap" in message and abs(float(message.rpartition("turn = ")[2].removesuffix(" deg")) - 118.7) < 1.0
     assert answer["by_name"]["proved"]["measured"]["certificate"]["touches"] == ["pin and vane"]
 
 
@@ -317,7 +317,7 @@ class Rotor(Thing):
     )
     answer = rig.test(text, tests)
     assert [result["passed"] for result in answer["tests"]] == [False, True, True], answer["diagnostics"]
-    assert "turn 11" in collisions(answer)[0] and answer["by_name"]["half"]["measured"]["certificate"]["contact"]
+    assert "turn = 11" in collisions(answer)[0] and answer["by_name"]["half"]["measured"]["certificate"]["contact"]
 
 
 def solid(whole: Manifold) -> Solid:

@@ -62,7 +62,7 @@ def test_sweep_finds_the_worst_position(rig: Workspace) -> None:
     """`one` moves from -100 to 100 mm in steps of 2 mm past `two`, which is at 50 mm."""
     answer = rig.test(SLIDERS, "  sweep: {no_collision: {joints: {one: [-100 mm, 100 mm]}, samples: 101}}\n"
                                "  part_of_it: {no_collision: {joints: {one: [-100 mm, 29 mm]}, samples: 130}}\n")
-    assert answer["diagnostics"][0]["message"].endswith(" at one 50 mm")
+    assert answer["diagnostics"][0]["message"].endswith(" at one = 50 mm")
     assert answer["by_name"]["sweep"]["measured"]["positions"] == 101
     free = answer["by_name"]["part_of_it"]
     assert free["passed"] and free["measured"]["gap"] == pytest.approx(0.001, abs=1e-6)
@@ -132,7 +132,7 @@ def test_sweep_compares_adjacent_parts_at_every_position(rig: Workspace) -> None
     """The worst position is where both coincide."""
     answer = rig.test(neighbours(20, 20), "  free: {no_collision: {joints: {slide: all}, samples: 21}}\n")
     message = answer["diagnostics"][0]["message"]
-    assert "`base` and `slider` overlap" in message and message.endswith("(8000 mm^3) at slide 0 mm")
+    assert "`base` and `slider` overlap" in message and message.endswith("(8000 mm^3) at slide = 0 mm")
 
 
 SIZES: dict[PrimitiveShape, int] = {"box": 3, "sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3}

@@ -223,7 +223,9 @@ def test_too_fast_motion_is_found_in_every_mode(rig: Workspace) -> None:
     assert bench["measured"]["margin"] == pytest.approx(margin.min(), rel=1e-3)
     assert bench["measured"]["time"] == pytest.approx(s[margin.argmin()], abs=0.01)
     (found, *_) = answer["diagnostics"]
-    assert found["code"] == "TC668" and "mode `bench`" in found["message"] and "drive `shoulder` needs" in found["message"]
+    assert found["code"] == "TC668" and "mode `bench`" in found["message"]
+    assert f"the margin of drive `shoulder` ({margin.min():.3g}) is below the minimum (2)" in found["message"]
+    assert found["notes"][0]["message"].startswith(f"required: {abs(effort[margin.argmin()]):.2g}")
 
 
 def test_stall_torque_starts_the_torque_speed_line(rig: Workspace) -> None:
@@ -238,7 +240,9 @@ def test_stall_torque_starts_the_torque_speed_line(rig: Workspace) -> None:
 def test_drive_has_no_effort_above_its_velocity(rig: Workspace) -> None:
     answer = rig.test(FLAT.replace("SECONDS", "0.5 s"), "  follow: {drive_margin: {motion: lift, min: 0.1, mode: bench}}\n", others=NUMBERS)
     assert answer["code"] == 1 and answer["tests"][0]["measured"]["margin"] == 0.0
-    assert "can provide 0 N*m at" in answer["diagnostics"][0]["message"]
+    (found,) = answer["diagnostics"]
+    assert "the margin of drive `shoulder` (0) is below the minimum (0.1)" in found["message"]
+    assert "; available: 0 N*m at " in found["notes"][0]["message"]
 
 
 def test_joint_without_a_drive_cannot_follow(rig: Workspace) -> None:

@@ -289,7 +289,7 @@ def test_missing_package_is_named(package: str, address: str, monkeypatch: pytes
     monkeypatch.setitem(sys.modules, package, None)  # makes its import fail
     with pytest.raises(BatchFault) as caught:
         cluster.connect(address, folder=str(tmp_path / "jobs"))
-    assert package in str(caught.value) and caught.value.diagnostic.help == "pip install 'thingc[cluster]'"
+    assert package in str(caught.value) and caught.value.diagnostic.help == "run `pip install 'thingc[cluster]'`"
 
 
 def test_slurm_settings() -> None:
@@ -308,7 +308,7 @@ def test_slurm_settings() -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="sbatch of SLURM is a program of Linux")
 def test_missing_slurm(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(BatchFault, match="the command `sbatch` is missing"):
+    with pytest.raises(BatchFault, match="the SLURM command `sbatch` is not installed"):
         cluster.connect("slurm:partition=cpu", folder=str(tmp_path / "jobs"))
     assert not (tmp_path / "jobs").exists()
 
@@ -368,6 +368,6 @@ def test_interrupt_cancels_jobs(tmp_path: Path, shared_store: str, number: signa
     _, err = process.communicate(timeout=60)
     done = len(journal(here))
     again = "thingc batch faults.yaml --cluster slurm:cluster=local --pictures none --jobs 1 --resume"
-    assert err == f"interrupted: {done} of 12 variants are done; to continue, run: {again}\n"
+    assert err == f"interrupted ({done} of 12 variants are done); to continue, run: {again}\n"
     assert process.returncode == 130 and running
     assert_gone(running)
