@@ -94,7 +94,9 @@ def test_losses_depend_on_selected_readers(
         return set(capsys.readouterr().out.splitlines())
 
     without = lost()
-    assert {line.split(": ")[-2] for line in lost("--compat", "drake") - without} == {"not supported by Drake"}
+    assert {tuple(line.split(": ")[-2:]) for line in lost("--compat", "drake") - without} == {
+        (feature, "not supported by Drake (omitted)") for feature in ("the keyframe", "the motion at run time", "the mimic")
+    }
     (document.parent / "thingc.toml").write_text('thingc = "workspace/1"\ncompat = ["pymjcf"]\n')
     assert [line.partition(": ")[2] for line in lost() - without] == [
         "mjcf: r: `/` in names: replaced by `.` for PyMJCF (approximated)",

@@ -85,11 +85,13 @@ def test_sdf_values_are_written_as_elements(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("raw", "said", "help"), [
-    ("urdf: {joint: {left.knuckel: {limit: {effort: 7}}}}", "TC701: `urdf` has no joint `left/knuckel`", "did you mean `left_knuckle`?"),
+    ("urdf: {joint: {left.knuckel: {limit: {effort: 7}}}}",
+     "TC701: `raw.urdf` refers to the unknown joint `left/knuckel`", "did you mean `left_knuckle`?"),
     ("urdf: {robot: {base: {version: 1}}}",
      "TC701: `robot` has no raw attributes in `urdf`", "known kinds of elements: `joint`, `link`"),
     ("urdf: {link: {base: 1}}", "TC701: `raw.urdf.link.base` must be the path of a value", "write `link: {NAME: {KEY: VALUE}}`"),
-    ("sdf: {joint: {wrist_0: {axis: {dynamics: {damping: 1}}}}}", "TC701: `sdf` has no joint `wrist_0`", "did you mean `wrist`?"),
+    ("sdf: {joint: {wrist_0: {axis: {dynamics: {damping: 1}}}}}",
+     "TC701: `raw.sdf` refers to the unknown joint `wrist_0`", "did you mean `wrist`?"),
     ("sdf: {joint: {left.knuckle: {axis: 1}}}", "TC701: `axis` contains elements instead of a value", "use one of `xyz`, `limit`"),
     ("sdf: {joint: {left.knuckle: {axis: {limit: {lower: {x: 1}}}}}}", "TC701: `lower` contains a value and has no `x`", "write the value"),
     ("urdf: {joint: {left.knuckle: {limit: 3}}}",

@@ -86,7 +86,7 @@ def test_quaternion_equals_its_angles(quaternion: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("origin", "said"), [
     ('quat_xyzw="0 0 0 0"', "the quaternion of a pose must not be 0 0 0 0"),
-    ('quat_xyzw="0 0 1"', "`quat_xyzw` of `<origin>`: expected 4 numbers separated by spaces, found 3 of them"),
+    ('quat_xyzw="0 0 1"', "`quat_xyzw` of `<origin>`: expected 4 numbers separated by spaces, found 3"),
     ('rpy="0 0 0" quat_xyzw="0 0 0 1"', "`<origin>` has both `rpy` and `quat_xyzw`"),
 ])
 def test_invalid_quaternions_are_reported(origin: str, said: str, tmp_path: Path) -> None:

@@ -93,7 +93,10 @@ def test_output_lines(watching: Watching) -> None:
         "NOW robot.yaml: errors fixed; 3 files changed (mjcf/robot_bench.xml, mjcf/robot_held.xml, modes.json) in T s",
         "NOW robot.yaml: no file changed in T s",
     ]
-    failed = "error[TC601]: pose `out` puts `yaw_0` at 300 deg, outside its limits -90 deg to 120 deg\n    --> robot.yaml:23:16\n"
+    failed = (
+        "error[TC601]: the value of `yaw_0` in pose `out` (300 deg) is outside its limits (-90 deg to 120 deg)\n"
+        "    --> robot.yaml:23:16\n"
+    )
     assert said.count(failed) == 1 and said.count("\n1 error\n") == 1 and "Traceback" not in said
 
 

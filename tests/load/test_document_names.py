@@ -68,7 +68,7 @@ def test_commands_accept_document_files(folder: Path, capsys: pytest.CaptureFixt
     assert main(["check", "crat.yaml"]) == 2
     assert "did you mean `crate.thingc.yaml`?" in capsys.readouterr().out
     assert main(["new", "rover.thingc.yaml"]) == 2
-    assert "write `thingc new rover`, which" in capsys.readouterr().err
+    assert "  help: write `thingc new rover`\n" in capsys.readouterr().err
 
 
 def test_missing_thingc_key_is_an_error(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

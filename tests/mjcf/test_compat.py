@@ -280,7 +280,7 @@ def test_drake_models_have_no_position_ctrlrange(
     }
     capsys.readouterr()
     assert main(["why", "--losses", str(tmp_path / "arm.yaml"), "--emit", "mjcf", "--compat", "drake"]) == 0
-    said = [line for line in capsys.readouterr().out.splitlines() if "commands" in line]
+    said = [line for line in capsys.readouterr().out.splitlines() if "command range" in line]
     assert [line.partition(": ")[2] for line in said] == [
         "mjcf: bend, spin: the command range: Drake would limit the force instead (omitted)",
     ]
@@ -330,4 +330,6 @@ def test_compat_models_do_not_modify_shared_elements(store: Store) -> None:
 def test_mjx_held_base_is_a_loss(store: Store, base: str, lost: bool) -> None:
     """MJX places the children of a mocap body at the body's pose in the model."""
     _, models = emit_models(robot(store, "box", "box"), store, ["mjx"], ("bench", base))
-    assert [loss.what.partition(":")[0] for loss in models.losses if "MJX moves" in loss.what] == ["moving its base"] * lost
+    assert [(loss.path, loss.what.partition(":")[0]) for loss in models.losses if "mocap" in loss.what] == [
+        ("bench", "the motion of the base"),
+    ] * lost

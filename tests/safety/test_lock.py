@@ -122,7 +122,7 @@ def test_lock_check_lists_changes(workspace: Path, shared_store: str) -> None:
     done = thingc_here("lock", "--check", store=shared_store, cwd=workspace)
     assert done.code == 1
     assert "the part `arm:PenDummy` is missing" in done.out
-    assert "there is no part `arm:Ghost` any more" in done.out
+    assert "the part `arm:Ghost` is removed or unused" in done.out
     assert "`parameters.size.maximum` of `arm:BasePlate` has changed" in done.out
     assert "`volume` of `arm:BasePlate` has changed" in done.out and "`centre`" not in done.out
     assert done.out.count("error[TC341]") == 4

@@ -107,7 +107,7 @@ def test_no_trap_runs_and_no_secret_is_printed(hostile: Path, tmp_path: Path) ->
 def test_python_m_is_refused_if_it_would_import_local_modules(workspace: Path) -> None:
     words = ["check", "--no-code", DOCUMENTS[0]]
     unsafe = ran(words, workspace, program=(sys.executable, "-m", "thingc"))
-    assert unsafe.code == 2 and "Python imports modules from the working folder" in unsafe.out
+    assert unsafe.code == 2 and "Python can import untrusted modules from the working folder" in unsafe.out
     safe = ran(words, workspace, program=(sys.executable, "-I", "-m", "thingc"))
     assert safe.code == 0, safe
 

@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run `thingc info`. With text output, diagnostics are printed to standard error."""
     options = console.options_of(arguments)
     if arguments.no_code and arguments.document.lower().endswith(".xacro"):
-        raise console.WrongCommandLine("--no-code cannot be used with a xacro file", "expand the file with `xacro`")
+        raise console.WrongCommandLine("--no-code cannot evaluate the Python expressions of a xacro file", "expand the file with `xacro`")
     if select_robot_files([arguments.document]):
         from thingc.tools.importing.imported_document import compile_robot
 
