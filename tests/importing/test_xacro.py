@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-import io
 import math
-import os
 import shutil
 import socket
-import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from thingc.base.diagnostics import Diagnostic, Report
 from thingc.geometry.worker import children
 from thingc.tools.cli.main import main
-from thingc.tools.importing import urdf, xacro_worker
+from thingc.tools.importing import urdf
 from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import Imported, import_robot
 from thingc.tools.importing.xacro_worker import is_plausible
@@ -35,37 +31,11 @@ def bot(tmp_path: Path) -> Path:
     return tmp_path / "bot" / "urdf" / "bot.urdf.xacro"
 
 
-@pytest.fixture
-def warm(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fork the process that expands xacro from this process, in which xacro is imported. A new process would import it, which takes most
-    of the time of these tests. Tests of the sandbox start a new process."""
-    import xacro  # noqa: F401
-
-    def run(command: list[str], *, input: str, **options: Any) -> subprocess.CompletedProcess[str]:
-        assert command[1:] == ["-P", "-m", xacro_worker.__name__]
-        source, target = os.pipe()
-        child = os.fork()
-        if child == 0:
-            try:
-                sys.stdin, sys.stdout = io.StringIO(input), open(target, "w")  # noqa: SIM115
-                xacro_worker.main()
-                sys.stdout.flush()
-            finally:
-                os._exit(0)
-        os.close(target)
-        with open(source) as stream:
-            out = stream.read()
-        return subprocess.CompletedProcess(command, os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), out)
-
-    monkeypatch.setattr(urdf.subprocess, "run", run)
-
-
 def read(path: Path, **arguments: str) -> tuple[Imported | None, list[Diagnostic]]:
     report = Report()
     return import_robot(str(path), report, ImportRequest(arguments=arguments)), report.sorted_diagnostics()
 
 
-@pytest.mark.usefixtures("warm")
 def test_macros_includes_and_packages(bot: Path) -> None:
     imported, said = read(bot)
     assert imported is not None and said == []
@@ -79,7 +49,6 @@ def test_macros_includes_and_packages(bot: Path) -> None:
     assert imported is not None and [link.name for link in imported.robot.links] == ["base", "left_arm"]
 
 
-@pytest.mark.usefixtures("warm")
 def test_argument_used_only_in_yaml(bot: Path) -> None:
     """Only xacro evaluates such a file; if YAML is loaded, all arguments are passed on."""
     (bot.parent / "side.yaml").write_text("left: $(arg side)\n")
@@ -90,7 +59,6 @@ def test_argument_used_only_in_yaml(bot: Path) -> None:
     assert imported is not None and said == []
 
 
-@pytest.mark.usefixtures("warm")
 @pytest.mark.parametrize(("file", "old", "new", "words", "line"), [
     ("arm.xacro", '"${mass}"', '"${mas}"', "name 'mas' is not defined", 5),
     ("arm.xacro", 'link="base"', 'link="bse"', "the parent link `bse` of joint `left_shoulder` does not exist", 10),
@@ -227,7 +195,6 @@ def test_processes_started_by_an_expression_are_stopped(bot: Path, tmp_path: Pat
     assert alive == [] and not [*tmp_path.glob("thingc-worker-*")]
 
 
-@pytest.mark.usefixtures("warm")
 @pytest.mark.parametrize("path", ["{0}/secret.yaml", "../../theirs/../theirs/secret.yaml", "$(find theirs)/secret.yaml", "link.yaml"])
 def test_files_outside_the_robot_are_not_read(bot: Path, tmp_path: Path, path: str) -> None:
     """A folder next to the parent folders of the file is a package only if it has a manifest."""
@@ -243,7 +210,6 @@ def test_files_outside_the_robot_are_not_read(bot: Path, tmp_path: Path, path: s
         assert read(bot)[0] is not None
 
 
-@pytest.mark.usefixtures("warm")
 def test_include_outside_the_robot_is_not_read(bot: Path, tmp_path: Path) -> None:
     other = tmp_path / "theirs" / "arm.xacro"
     other.parent.mkdir()

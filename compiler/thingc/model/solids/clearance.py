@@ -165,8 +165,8 @@ class SolidPlace(Place[SolidPair]):
         steps = {path: sweep.rate(path, self.q, widths) * widths[lead] for path, lead in sweep.leaders.items() if lead in widths} | widths
         for step in product(*((-width, width) if width else (0.0,) for width in half.tolist())) if sweep.movable else ():
             corner = sweep.place(self.x + step, self.q)
-            for path in sweep.movable if corner is not None else ():
-                steps[path] = max(steps.get(path, 0.0), FOLLOWED * abs(corner.q[path] - self.q[path]))  # type: ignore[union-attr]
+            if corner is not None:
+                steps |= {path: max(steps.get(path, 0.0), FOLLOWED * abs(corner.q[path] - self.q[path])) for path in sweep.movable}
         return np.array([steps.get(path, 0.0) for path in sweep.numbers])
 
     def at(self, part: int) -> Pose:

@@ -301,7 +301,7 @@ class _Reader:
         for key, one in {**definition.simulation, **mode.simulation}.items():
             facts[f"simulation.{key}"] = fact(one, "simulation", key)
         for path, levels in definition.omitted.items():
-            if path in ((path[0],), ("modes", mode.name)):
+            if path[0] != "modes" or path == ("modes", mode.name):
                 facts[f"detail.{path[0]}"] = fact(tuple(f"-{level}" for level in sorted(levels)), "detail", *path)
         self._add("mode", mode.name, facts, span=mode.origin[0])
 
