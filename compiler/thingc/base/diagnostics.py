@@ -518,9 +518,9 @@ def _fixes(span: Span | None, *hints: Hint | None) -> tuple[Edit, ...]:
 
 
 def shown_path(file: str) -> str:
-    """Return the display path of a file: relative to the working folder for files near this folder, otherwise unchanged."""
+    """Return the display path of a file: relative to the working folder for files near this folder, otherwise normalized."""
     try:
         relative = os.path.relpath(file)
     except (OSError, ValueError):  # the working folder was deleted, or the file name is invalid
         return file
-    return file if relative.startswith(os.path.join("..", "..", "..")) else relative
+    return os.path.normpath(file) if relative.startswith(os.path.join("..", "..", "..")) else relative
