@@ -59,6 +59,7 @@ ELSEWHERE = {
     "SOURCE_FILE": "tests/importing/test_meshes.py",
     "SOURCE_DOUBT": "tests/importing/test_inertias.py",
     "SOURCE_CONFLICT": "tests/importing/test_updates.py",
+    "SOURCE_LOSS": "tests/importing/test_check_files.py",
 }
 """Codes that no document on a normal machine causes, and the files that test them. Their pages have no examples."""
 

@@ -288,6 +288,7 @@ class Code(Enum):
     SOURCE_DOUBT = ("TC955", "suspicious value in a robot file", "Compare the reported values, and correct the wrong value.")
     SOURCE_FILE = ("TC956", "missing mesh of a robot file", "Specify `--package NAME=DIR` or `--mesh-root DIR`, or use `--no-meshes`.")
     SOURCE_CONFLICT = ("TC957", "conflict between a document and its source", "Write the correct value in the document.")
+    SOURCE_LOSS = ("TC958", "loss of an import", "If you import the file, check that you do not need the element.")
     # --- TC65x: kinds of tests of the document (documents/checks) --------------------------------------------------
     TEST_MASS = ("TC651", "mass outside its bounds", "Change parts that are too heavy or too light, or change the bound.")
     TEST_CENTRE = ("TC652", "centre of mass outside its box", "Move heavy parts, or enlarge the box.")

@@ -89,10 +89,8 @@ def run(arguments: argparse.Namespace) -> int:
         check_robot = partial(robot_files.check_confined, options=options, source=source, strict=strict, seconds=seconds)
     diagnostics = list[Diagnostic]()
     diagnostics_of = {document: check_document(document) for document in console.present(documents, diagnostics)}
-    checked = {robot: check_robot(robot) for robot in robots}
-    diagnostics_of |= {robot: result for robot, (result, _) in checked.items()}
-    remarks = [remark for _, remark in checked.values() if remark is not None]
-    return _answer(arguments, *_merge(diagnostics_of, diagnostics), of=of, remarks=remarks)
+    diagnostics_of |= {robot: check_robot(robot) for robot in robots}
+    return _answer(arguments, *_merge(diagnostics_of, diagnostics), of=of)
 
 
 def _check_confined(document: str, options: Options, *, strict: bool, seconds: float) -> list[Diagnostic]:
@@ -142,18 +140,15 @@ def without_code(document: str, options: Options, *, strict: bool) -> list[Diagn
         return findings(environment, pipeline.check(environment), strict=strict)
 
 
-def _answer(
-    arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: list[str], of: int | None = None, remarks: Sequence[str] = (),
-) -> int:
+def _answer(arguments: argparse.Namespace, diagnostics: list[Diagnostic], good: list[str], of: int | None = None) -> int:
     """Print the diagnostics in the requested format, and return the exit code.
 
-    If the command line contains folders, `of` is the number of checked documents. `remarks` are further lines of the text output.
+    If the command line contains folders, `of` is the number of checked documents.
     """
     console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug)
     if arguments.format == "text":
         for document in good:
             console.say(f"{document}: ok")
-        console.say(*remarks)
         if of is not None:
             console.say(f"{format_count(of, 'document')} checked, {'all' if len(good) == of else len(good)} ok")
     return console.exit_code(diagnostics)

@@ -179,9 +179,8 @@ def _some(lines: list[str]) -> list[str]:
 def _would(arguments: argparse.Namespace, imported: Imported) -> list[str]:
     """Describe the result of a dry run of an import: the content of the robot, the repairs, and all losses with their line numbers."""
     source = os.path.basename(arguments.file)
-    lines = [f"would import {_read(arguments, imported)}"]
-    lines += [f"{source}:{one.link.where.line}: repaired: mass and inertia of `{one.link.name}` ({one.how})" for one in imported.repaired]
-    return lines + [f"{source}:{one.where.line}: lost: {one.what}: {one.why}" for one in imported.losses]
+    notes = [f"{source}:{note.span.line}: {note.message}" for note in imported.notes() if note.span is not None]
+    return [f"would import {_read(arguments, imported)}", *notes]
 
 
 def _read(arguments: argparse.Namespace, imported: Imported) -> str:

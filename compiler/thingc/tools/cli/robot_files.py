@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import argparse
 import os
-import shlex
 
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
-from thingc.base.one_line_repr import format_count
 from thingc.base.source import line_of
 from thingc.driver.environment import Options
 from thingc.driver.up_to_date import from_plain, to_plain
 from thingc.tools.cli import console
 from thingc.tools.importing.import_request import ImportRequest
-
-Result = tuple[list[Diagnostic], "str | None"]
-"""The diagnostics of a robot file, and a remark about information that was not checked."""
 
 
 def configure(parser: argparse.ArgumentParser, *, meshes: bool = True) -> None:
@@ -68,31 +63,20 @@ def _folder(word: str) -> str:
     return os.path.abspath(word)
 
 
-def check_robot(path: str, options: Options, source: ImportRequest, *, strict: bool) -> Result:
-    """Check a robot file without converting it. Return its diagnostics, and a remark about information that was not checked, or None."""
+def check_robot(path: str, options: Options, source: ImportRequest, *, strict: bool) -> list[Diagnostic]:
+    """Check a robot file without converting it. Return its diagnostics, including a note about each loss of an import."""
     from thingc.tools.importing.imported_document import imported_document
 
     report = Report()
     with imported_document(path, options, report, source) as document:
-        if document is None:
-            return console.final(report, strict=strict), None
-        document.compile(report)
-        return console.final(report, strict=strict), _remark(path, source, len(document.imported.losses))
+        if document is not None:
+            document.compile(report)
+            for note in document.imported.notes():
+                report.say(note)
+    return console.final(report, strict=strict)
 
 
-def _remark(path: str, source: ImportRequest, losses: int) -> str | None:
-    if not losses:
-        return None
-    words = [("--package", f"{name}={folder}") for name, folder in source.packages.items()]
-    words += [("--mesh-root", folder) for folder in source.mesh_roots]
-    words += [("--arg", f"{name}={value}") for name, value in source.arguments.items()]
-    words += [("--repair", f"inertia={source.repair}")] if source.repair else []
-    options = [*(text for pair in words for text in pair), *([] if source.meshes else ["--no-meshes"])]
-    command = shlex.join(["thingc", "import", path, *options, "--check"])
-    return f"{path}: {format_count(losses, 'element')} not checked; to list them, run: {command}"
-
-
-def check_confined(path: str, options: Options, source: ImportRequest, *, strict: bool, seconds: float) -> Result:
+def check_confined(path: str, options: Options, source: ImportRequest, *, strict: bool, seconds: float) -> list[Diagnostic]:
     """Check an untrusted robot file in a sandboxed process, without reading its meshes. A xacro file is not checked, because it is code."""
     from thingc.tools.cli.sandboxed_check import run_confined
 
@@ -100,13 +84,9 @@ def check_confined(path: str, options: Options, source: ImportRequest, *, strict
         report, message = Report(), "the xacro file was not checked"
         help = "check the URDF file that `xacro` creates, or omit `--no-code`"
         report.add(Code.SOURCE_XML, message, line_of(os.path.abspath(path)), help=help, severity=Severity.WARNING)
-        return console.final(report, strict=strict), None
+        return console.final(report, strict=strict)
     if path.lower().endswith(".xml"):
         import mujoco  # noqa: F401  (the sandbox cannot load libraries)
 
-    def work() -> object:
-        diagnostics, remark = check_robot(path, options, replace(source, meshes=False), strict=strict)
-        return list(map(to_plain, diagnostics)), remark
-
-    answer = run_confined(work, seconds)
-    return ([replace(answer, path=path)], None) if isinstance(answer, Diagnostic) else (list(map(from_plain, answer[0])), answer[1])
+    answer = run_confined(lambda: list(map(to_plain, check_robot(path, options, replace(source, meshes=False), strict=strict))), seconds)
+    return [replace(answer, path=path)] if isinstance(answer, Diagnostic) else list(map(from_plain, answer))

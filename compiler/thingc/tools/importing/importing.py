@@ -13,7 +13,7 @@ from collections.abc import Mapping
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Report
+from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.base.filesystem import beginning
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import HEAVIEST, LARGEST_MOMENT, MassProperties
@@ -84,6 +84,13 @@ class Imported(FrozenStruct):
     repaired: tuple[RepairedLink, ...]
     places: Mapping[Path, Span]
     earlier: PreviousImport | None = None
+
+    def notes(self) -> list[Diagnostic]:
+        """Return a note about each repaired link and each loss, at its location in the source file."""
+        repairs = ((one.link, f"repaired: mass and inertia of `{one.link.name}` ({one.how})") for one in self.repaired)
+        found = [(Code.SOURCE_INERTIA, link.where, message) for link, message in repairs]
+        found += [(Code.SOURCE_LOSS, one.where, f"lost: {one.what}: {one.why}") for one in self.losses]
+        return [Diagnostic(code=code, severity=Severity.NOTE, message=message, span=where) for code, where, message in found]
 
 
 def import_robot(path: str, report: Report, request: ImportRequest = PLAIN) -> Imported | None:
