@@ -317,6 +317,57 @@ modes: {{plain: {{root: base}}, ball: {{root: base, gravity: wall}}}}
     assert [kind for text in texts for kind in re.findall(r"<collision.*?<geometry>\s*<(\w+)", text, re.DOTALL)] == kinds
 
 
+LINK = """\
+thingc: assembly/1
+name: robot
+components:
+  base: {frame: true}
+  foot:
+    link: true
+    mass: 1 kg
+    shapes: [{box: 40 20 10 mm}]
+    at: {in: base.origin, xyz: 0 0 100 mm}
+    collision:
+      targets: {urdf: {shapes: [{cylinder: {radius: 8 mm, length: 30 mm}}]}}
+      modes:
+        ball: {shapes: [{sphere: {radius: 60 mm}}]}
+        ghost: none
+modes:
+  plain: {root: base, base: free, at: {on: floor}}
+  ball: {root: base, base: free, at: {on: floor}}
+  ghost: {root: base, base: free}
+"""
+
+
+def test_modes_and_formats_replace_the_collision_shapes_of_a_link(
+    tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Also in the viewer and in `thingc collision`. The mass and the drawn shape do not change."""
+    _, made = built(tmp_path, LINK, shared_store, ("mjcf", "urdf", "html"))
+    kinds, heights = {}, {}
+    for mode in ("plain", "ball", "ghost"):
+        model = model_of(made["mjcf"], f"robot_{mode}")
+        kinds[mode] = [mujoco.mjtGeom(int(model.geom_type[k])).name[7:] for k in range(model.ngeom) if model.geom_contype[k]]
+        heights[mode] = float(model.qpos0[2])
+        assert model.ngeom == 1 + len(kinds[mode]) and model.body_mass.sum() == pytest.approx(1.0)
+    assert kinds == {"plain": ["BOX"], "ball": ["SPHERE"], "ghost": []}
+    assert heights == pytest.approx({"plain": -0.095, "ball": -0.04, "ghost": 0.0}, abs=1e-9)
+    urdf = {mode: bytes(made["urdf"].files[f"urdf/robot_{mode}.urdf"]).decode() for mode in kinds}  # type: ignore[arg-type]
+    found = {mode: re.findall(r"<collision.*?<geometry>\s*<(\w+)", text, re.DOTALL) for mode, text in urdf.items()}
+    assert found == {"plain": ["cylinder"], "ball": ["sphere"], "ghost": []}
+    page = bytes(made["html"].files["html/robot.html"]).decode()  # type: ignore[arg-type]
+    robot = json.loads(re.search(r'<script id="thingc-robot"[^>]*>(.*?)</script>', page, re.DOTALL)[1])  # type: ignore[index]
+    assert [shape["shape"] for shape in robot["occurrences"][1]["collision"]] == ["box"]
+    replaced = [{key: [one["shape"] for one in shapes] for key, shapes in mode.get("collision", {}).items()} for mode in robot["modes"]]
+    assert replaced == [{}, {"1": ["sphere"]}, {"1": []}]
+    box, sphere, cylinder = 40 * 20 * 10, 4 / 3 * math.pi * 60**3, math.pi * 8**2 * 30
+    for words, volume in (("", box), ("plain", box), ("ball", sphere), ("ghost", None), ("plain --target urdf", cylinder)):
+        words = f"--mode {words}" if words else ""
+        assert main(["collision", str(tmp_path / "robot.yaml"), "--format", "json", *words.split()]) == 0
+        (measured,) = json.loads(capsys.readouterr().out)["collision"]
+        assert measured["ratio"] == (None if volume is None else pytest.approx(volume / box, rel=0.02)), words
+
+
 def test_unknown_mode_is_reported_at_its_shapes(tmp_path: Path, shared_store: str) -> None:
     workspace(tmp_path)
     (tmp_path / "robot.yaml").write_text(MODES.replace("pieces: {decompose", "peices: {decompose"))
@@ -502,6 +553,16 @@ def test_wrong_contacts_get_one_error_at_their_line(
     assert main(["check", str(tmp_path / "robot.yaml"), "--format", "json"]) == 1
     (diagnostic,) = json.loads(capsys.readouterr().out)["diagnostics"]
     assert words in diagnostic["message"] and diagnostic["line"] == 13, diagnostic
+
+
+@pytest.mark.parametrize("collision", ["hull", "none", "{kind: box}", "{shapes: [{box: 1 1 1 mm}]}", "{modes: {m: {decompose: {}}}}"])
+def test_collision_of_a_link_only_replaces_its_shapes(tmp_path: Path, capsys: pytest.CaptureFixture[str], collision: str) -> None:
+    link = "{link: true, mass: 1 kg, shapes: [{sphere: {radius: 1 cm}}],"
+    text = f"thingc: assembly/1\nname: robot\ncomponents:\n  b: {link}\n    collision: {collision}}}\nmodes: {{m: {{root: b}}}}\n"
+    tmp_path.joinpath("robot.yaml").write_text(text)
+    assert main(["check", str(tmp_path / "robot.yaml"), "--format", "json"]) == 1
+    (diagnostic,) = json.loads(capsys.readouterr().out)["diagnostics"]
+    assert "`collision` of a link can only contain" in diagnostic["message"] and diagnostic["line"] == 5
 
 
 @pytest.mark.parametrize(("collision", "words"), [

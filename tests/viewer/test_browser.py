@@ -100,6 +100,33 @@ def test_random_trees_with_every_joint_type(browser: Any, pages: Pages, tmp_path
                     assert np.abs(np.array(found[link]).reshape(4, 4) - np.array(pose.rows())).max() < 1e-9
 
 
+FOOT = """\
+thingc: assembly/1
+name: foot
+components:
+  foot:
+    link: true
+    mass: 1 kg
+    shapes: [{box: 40 20 10 mm}]
+    collision: {modes: {ball: {shapes: [{sphere: {radius: 6 mm}}]}, ghost: none}}
+modes: {plain: {root: foot}, ball: {root: foot, gravity: wall}, ghost: {root: foot, gravity: ceiling}}
+"""
+
+
+def test_modes_show_their_own_collision_shapes(browser: Any, pages: Pages, tmp_path: Path) -> None:
+    made = compiled(tmp_path, FOOT).compilation
+    assert made.assembly is not None
+    told = describe(made.assembly, made.robots, small_robot.WORKSPACE, PackedMeshes(Store(str(tmp_path))))
+    there = """(mode) => { const { viewer } = thingc; viewer.setMode(mode);
+      return viewer.stage.batches.filter((one) => one.collides).map((one) => one.mesh.geometry.type); }"""
+    with opened(browser, address(pages.arm / "html/arm.html")) as page:
+        page.evaluate("(told) => thingc.viewer.load(told, [])", json.loads(json.dumps(told)))
+        shown = {mode: page.evaluate(there, mode) for mode in ("ball", "plain", "ghost")}
+        page.evaluate("() => { thingc.viewer.setMode('ball'); thingc.viewer.setVisibility([], [0]); }")
+        assert page.evaluate(there, "ball") == shown["ball"]
+    assert shown == {"ball": ["SphereGeometry"], "plain": ["BoxGeometry"], "ghost": []}
+
+
 @pytest.mark.parametrize("robot", ["arm", "minchw"])
 def test_margins_of_any_configuration(undrawn_pages: dict[str, Any], pages: Pages, robot: str) -> None:
     """Torque margins of the drives: in poses they equal those of the compiler, elsewhere those of MuJoCo's inverse dynamics at rest, if

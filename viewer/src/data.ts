@@ -55,6 +55,8 @@ export interface NamedPose { name: string; q: Record<string, number>; base: Rows
 export interface Mode extends Place {
   name: string; root: MountAt; base: "fixed" | "held" | "free" | "planar" | "ball"; at: Rows; gravity: Vector; bodies: Body[]; loops: Loop[];
   feet: MountAt[]; adhesion: Record<string, number>; driven: string[]; start: string | null; poses: NamedPose[]; unclosed: string[];
+  /** The collision shapes that the mode replaces, by occurrence. */
+  collision?: Record<number, Shape[]>;
 }
 
 /** A motion: the positions of all joints at its times [s]. Unless it is smooth, the robot rests at each time. */

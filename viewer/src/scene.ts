@@ -8,7 +8,7 @@ import {
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { toCreasedNormals } from "three/addons/utils/BufferGeometryUtils.js";
-import type { Robot, Shape } from "./data";
+import type { Mode, Robot, Shape } from "./data";
 import { matrixOf } from "./kinematics";
 import { arrowGeometry, overlayMaterial } from "./marks";
 import { CUT, Section } from "./section";
@@ -178,10 +178,10 @@ export class Stage {
     this.world.updateMatrixWorld(true);
   }
 
-  /** Replaces the meshes in the world by those of a robot. */
-  furnish(robot: Robot, geometries: BufferGeometry[], visibility: Visibility): void {
+  /** Replaces the meshes in the world by those of a robot in a mode. */
+  furnish(robot: Robot, geometries: BufferGeometry[], visibility: Visibility, mode: Mode): void {
     for (const batch of this.batches) discard(this.world, batch);
-    this.batches = batchesOf(robot, geometries, this.plane, visibility);
+    this.batches = batchesOf(robot, geometries, this.plane, visibility, mode.collision);
     for (const { mesh } of this.batches) this.world.add(mesh);
     this.around = null;
     this.clip(null, 0, false);
@@ -441,7 +441,9 @@ export class Stage {
 }
 
 /** One batch per shape and transparency, with all occurrences at the origin. */
-function batchesOf(robot: Robot, geometries: BufferGeometry[], section: Plane, { hidden, transparent }: Visibility): Batch[] {
+function batchesOf(
+  robot: Robot, geometries: BufferGeometry[], section: Plane, { hidden, transparent }: Visibility, replaced: Mode["collision"] = {},
+): Batch[] {
   const wanted = new Map<string, { geometry: BufferGeometry; collides: boolean; alpha: number; instances: Instance[] }>();
   const add = (key: string, geometry: () => BufferGeometry, collides: boolean, alpha: number, instance: Instance): void => {
     const batch = wanted.get(key);
@@ -457,7 +459,7 @@ function batchesOf(robot: Robot, geometries: BufferGeometry[], section: Plane, {
       const [key, geometry, pose] = primitive(shape, geometries);
       add(`seen ${key} ${alpha}`, geometry, false, alpha, { occurrence: index, pose, color: own });
     }
-    for (const shape of occurrence.collision) {
+    for (const shape of replaced[index] ?? occurrence.collision) {
       const [key, geometry, pose] = primitive(shape, geometries);
       add(`felt ${key}`, geometry, true, 0.45, { occurrence: index, pose, color: null });
     }

@@ -118,9 +118,9 @@ export class Viewer {
     this.robot = robot;
     this.geometries = geometries;
     this.within = robot.occurrences.map((one) => matrixOf(one.pose));
-    this.stage.furnish(robot, geometries, this);
     this.measured = ["", ""];
     const mode = robot.modes.find((one) => one.name === before?.at.mode.name) ?? robot.modes[0];
+    this.stage.furnish(robot, geometries, this, mode);
     this.enter(mode);
     if (before === null) {
       this.reset();
@@ -199,6 +199,7 @@ export class Viewer {
     const mode = this.robot.modes.find((one) => one.name === name);
     if (mode === undefined || mode === this.mode) return;
     const before = this.stage.world.quaternion.clone(), whole = this.seen();
+    if (mode.collision !== this.mode.collision) this.stage.furnish(this.robot, this.geometries, this, mode);
     this.enter(mode);
     this.notify("mode");
     this.place();
@@ -327,7 +328,7 @@ export class Viewer {
 
   setVisibility(hidden: Iterable<number>, transparent: Iterable<number>): void {
     [this.hidden, this.transparent] = [new Set(hidden), new Set(transparent)];
-    this.stage.furnish(this.robot, this.geometries, this);
+    this.stage.furnish(this.robot, this.geometries, this, this.mode);
     this.place();
     this.notify("visibility");
   }

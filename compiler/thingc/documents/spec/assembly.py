@@ -16,7 +16,7 @@ from thingc.documents.spec.base import Model, given_keys, optional, require_with
 from thingc.documents.spec.catalog import QuantityText
 from thingc.documents.spec.drives import DriveSpec, DynamicsSpec
 from thingc.documents.spec.interfaces import InterfaceSpec
-from thingc.documents.spec.link_shapes import Collision, CollisionSpec, ShapeSpec
+from thingc.documents.spec.link_shapes import ChoiceSpec, Collision, CollisionSpec, ShapeSpec
 from thingc.documents.spec.mass import CentreOfMassSpec, InertiaMatrix, InertiaSpec, MassSpec
 from thingc.documents.spec.materials import MaterialSpec, ProcessSpec
 from thingc.documents.spec.modes import ModeSpec, SimulationSpec
@@ -169,7 +169,7 @@ class ComponentDefaults(Model):
 KINDS = ("part", "file", "assembly", "link", "frame")
 """Keys that determine the kind of a component. Each component must have exactly one of the keys."""
 
-PART_KEYS = ("collision", "visual", "process", "print")
+PART_KEYS = ("visual", "process", "print")
 """Keys that a component with `link` cannot have, because each shape of a link has its own settings."""
 
 
@@ -185,6 +185,10 @@ def _component_rules(schema: dict[str, Any]) -> None:
         "unit": {"required": ["file"]}, "faces": {"required": ["file"]}, "shapes": {"required": ["link"]},
         "mode": {"required": ["assembly", "at"]},
         **{key: {"not": {"required": ["link"]}} for key in PART_KEYS},
+        "collision": {
+            "if": {"required": ["link"]},
+            "then": {"properties": {"collision": {"type": "object", "properties": dict.fromkeys(("kind", "shapes", "decompose"), False)}}},
+        },
         "keep": {"anyOf": [{"properties": {"keep": {"const": False}}}, {"required": ["attach"]}, {"required": ["at"]}]},
         "mirror": {"not": {"required": ["frame"]}},
     }
@@ -270,9 +274,14 @@ class ComponentSpec(ComponentDefaults):
         require_with(self, "shapes", "link", "move `shapes` to a separate component with `link: true`")
         for key in PART_KEYS:
             if self.link is not None and getattr(self, key) is not None:
-                help = "set `for` of each shape: `visual`, `collision` or `both`" if key in ("collision", "visual") else f"remove `{key}`"
-                help += ", and `decompose` of a mesh" if key == "collision" else ""
+                help = "set `for` of each shape: `visual`, `collision` or `both`" if key == "visual" else f"remove `{key}`"
                 raise rule(f"`{key}` can only be used with `part` or `file`, not with `link`", help, key)
+        if self.link is not None and self.collision is not None and not (
+            isinstance(self.collision, CollisionSpec) and not given_keys(self.collision, ("kind", "shapes", "decompose"))
+            and all(choice == "none" or isinstance(choice, ChoiceSpec) and choice.shapes for choice in self.collision.variants.values())
+        ):
+            help = "set `for: collision` and `decompose` of its `shapes`, and write, for example, `collision: {modes: {bench: none}}`"
+            raise rule("`collision` of a link can only contain `none` or `shapes` for `targets` and `modes`", help, "collision")
         if self.bom is not None and self.bom.as_ is not None and self.assembly is None:
             raise rule("`as: one` can only be used with `assembly`", "remove `as`", "bom")
         if isinstance(self.collision, CollisionSpec) and self.frame is not None:

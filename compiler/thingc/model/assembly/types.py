@@ -65,7 +65,7 @@ class PartInstance(OneLineRepr, FrozenStruct):
     The mass `properties` and the `mounts` (including `origin`) are in the frame of the component. `mass_source` is `measured | vendor |
     stated | derived | estimated`. `estimate` is the method of estimation for a part with infill (`layers | skin`), otherwise None. `sound`
     is False if the mass of the component is invalid, which is reported as an error. `color` is `#rrggbb`. `contacts` contains the collision
-    shapes that the document lists for a part, by their path below `collision`.
+    shapes that the document lists below `collision`, by their path there.
     """
 
     component: resolved.Component
@@ -136,7 +136,7 @@ class Occurrence(PartInstance):
         The tuple is empty if there is no geometry, or if the document disables the display of the component.
         """
         if self.listed is not None:
-            return self.listed.drawn
+            return self.listed.drawn if self.overrides.visual else ()
         mesh = self.record.meshes.get("visual") if self.record is not None and self.overrides.visual else None
         return () if mesh is None else (self._surface(mesh),)
 
@@ -144,15 +144,15 @@ class Occurrence(PartInstance):
     def touching(self) -> tuple[Surface, ...]:
         """The collision shapes, in the occurrence's frame.
 
-        For a part, the setting `collision` of the component selects the shapes. For a mesh file that a document lists, the shapes are the
-        convex hull of the mesh, or its convex pieces. The tuple is empty if `collision` is `none`, if there is no geometry, or if the part
-        does not have the selected shape.
+        The setting `collision` of the component selects the shapes of a part, or replaces those of a link. For a mesh file that a document
+        lists, the shapes are the convex hull of the mesh, or its convex pieces. The tuple is empty if `collision` is `none`, if there is no
+        geometry, or if the part does not have the selected shape.
         """
-        if self.listed is not None:
-            return self.listed.touching
         record, choice = self.record, self.overrides.collision
         if choice == "shapes":
             return self.contacts.get((), ())
+        if self.listed is not None and choice != "none":
+            return self.listed.touching
         if record is None or not record.meshes or choice == "none":
             return ()
         if choice == "part":
@@ -165,7 +165,7 @@ class Occurrence(PartInstance):
     @property
     def collides(self) -> bool:
         """Whether the occurrence may collide. Only information that is available without meshes is used."""
-        return bool(self.listed.touching) if self.listed is not None else self.overrides.collision != "none"
+        return bool(self.touching) if self.listed is not None else self.overrides.collision != "none"
 
     def in_target(self, target: str, omitted: Mapping[resolved.ChoicePath, Collection[str]]) -> Occurrence:
         """Return the occurrence with the shapes that the document selects for the format `target`.
@@ -184,8 +184,7 @@ class Occurrence(PartInstance):
         return self._without_shapes() if mode in self.omitted_in else self.choose(("modes", mode))
 
     def _without_shapes(self) -> Occurrence:
-        listed = None if self.listed is None else replace(self.listed, drawn=(), touching=())
-        return replace(self, overrides=replace(self.overrides, variants={}, visual=False, collision="none"), listed=listed)
+        return replace(self, overrides=replace(self.overrides, variants={}, visual=False, collision="none"))
 
     def choose(self, path: resolved.ChoicePath) -> Occurrence:
         """Return the occurrence with the collision shapes that the document selects at a path below `collision`, if there are any.

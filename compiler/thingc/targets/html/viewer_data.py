@@ -72,7 +72,7 @@ def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, 
             }
             for row, pieces in with_pieces(assembly)
         ],
-        "modes": [_mode(robot, locations) for robot in robots],
+        "modes": [{**_mode(robot, locations), **_collision(robot, assembly, packed)} for robot in robots],
         **({"motions": [_motion(motion, assembly) for motion in motions]} if (motions := assembly.definition.motions) else {}),
     }
 
@@ -226,6 +226,12 @@ def _mode(robot: Robot, places: _SourceLocations) -> Data:
         "unclosed": [pose.name for pose in robot.unclosed],
         **places.location(mode.origin),
     }
+
+
+def _collision(robot: Robot, assembly: Assembly, packed: PackedMeshes) -> Data:
+    """Return the collision shapes that a mode replaces, by the index of their occurrence, as `collision`."""
+    replaced = [(one, other) for one, other in zip(robot.assembly.occurrences, assembly.occurrences) if one.touching != other.touching]
+    return {"collision": {one.index: [_shape(surface, packed) for surface in one.touching] for one, _ in replaced}} if replaced else {}
 
 
 def _body(body: Body) -> Data:

@@ -26,6 +26,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     console.add_document(parser)
     formats = ("mjcf", "urdf", "sdf", "usd")
     parser.add_argument("--target", choices=formats, default="", help="format of the collision shapes (default: all formats)")
+    parser.add_argument("--mode", metavar="M", help="mode of the collision shapes (default: the shapes of modes without their own shapes)")
     parser.add_argument("-o", "--output", metavar="PNG", help="PNG file for a picture of the collision shapes")
     console.add_format(parser)
     console.add_compiling(parser)
@@ -37,14 +38,15 @@ def run(arguments: argparse.Namespace) -> int:
     found: list[Deviation] = []
 
     def measure(environment: Environment, compilation: Compilation, assembly: Assembly) -> None:
-        found[:] = deviations(assembly.in_target(arguments.target), environment.store)
+        chosen = assembly.in_target(arguments.target)
+        found[:] = deviations(chosen if arguments.mode is None else chosen.in_mode(arguments.mode), environment.store)
         if arguments.output is not None:
             robot = compilation.robots[0]
             pose = robot.keyframes[0].name if robot.keyframes else None
             render.draw(environment, compilation, robot, pose, arguments.output, collision=True)
 
     try:
-        diagnostics, _ = console.compile_document(arguments, measure, compat=())
+        diagnostics, _ = console.compile_document(arguments, measure, arguments.mode, compat=())
     except NoGraphics as fault:
         diagnostics = [fault.diagnostic]
     return console.print_result(arguments, diagnostics, as_text(found) if found else (), collision=to_builtins(found))

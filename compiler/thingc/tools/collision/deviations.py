@@ -48,7 +48,7 @@ def _deviation(paths: tuple[str, ...], one: Occurrence, store: Store) -> Deviati
 
     from thingc.model.solids.shapes import solid_of
 
-    kind = "shapes" if one.listed is not None else one.overrides.collision
+    kind = "shapes" if one.listed is not None and one.touching else one.overrides.collision
     measured = Deviation(paths=paths, kind=kind, shapes=len(one.touching))
     part = solid_of(store, one.drawn if one.listed is not None else one.solids)
     solids = [(solid_of(store, [surface]), surface.solid) for surface in one.touching]
