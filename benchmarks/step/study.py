@@ -1,24 +1,27 @@
 """Measure `thingc import` and `thingc joints` on STEP assemblies of robots whose joints are known, and print a table.
 
-    python benchmarks/step/study.py [--count 40] [--seed 0] [DOC ...]
+    python benchmarks/step/study.py [--count 40] [--seed 0] [--freecad COMMAND] [DOC ...]
 
-The random robots (`robots.py`) are exported by build123d, and the documents by thingc itself. A joint counts as proposed if a proposal of
-the same kind has the same axis.
+The random robots (`robots.py`) are exported by build123d, and every fourth robot also by FreeCAD if it is installed. The documents are
+exported by thingc itself. A joint counts as proposed if a proposal of the same kind has the same axis.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+import shutil
 import sys
 import tempfile
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from build123d import export_step
+from freecad_export import export_with_freecad
 from robots import Joint, generate
 
 import thingc
@@ -125,7 +128,7 @@ class Results:
         print("connection             joints  proposed  accepted by default")
         for name, count in self.known.items():
             print(f"{name:22} {count:6} {self.proposed[name]:9} {self.accepted[name]:9}")
-        turning = [name for name in self.known if name != "slide" and "prismatic" not in name]
+        turning = [name for name in self.known if not name.startswith("slide") and "prismatic" not in name]
         share = sum(self.proposed[name] for name in turning) / max(1, sum(self.known[name] for name in turning))
         print(f"revolute joints proposed: {100 * share:.1f} %; not joints: {self.wrong[True]} accepted, {self.wrong[False]} only suggested")
         return int(share < 0.9 or self.wrong[True] > 0)
@@ -136,8 +139,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=40, help="number of random robots")
     parser.add_argument("--seed", type=int, default=0, help="seed of the first robot")
+    parser.add_argument("--freecad", metavar="COMMAND", default="freecadcmd", help="FreeCAD without a window (default: %(default)s)")
     parser.add_argument("documents", nargs="*", type=Path, metavar="DOC", help="documents of robots, in addition to the random robots")
     arguments = parser.parse_args()
+    freecad = shutil.which(arguments.freecad)
+    if not freecad:
+        print(f"no `{arguments.freecad}`: nothing is exported by FreeCAD; to install it on Debian: apt-get install freecad-python3")
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         results = Results(folder)
@@ -150,6 +157,11 @@ def main() -> int:
             path = folder / f"robot{seed}.step"
             export_step(robot, path)
             results.add(path, joints)
+            if freecad and seed % 4 == 0:
+                path = folder / f"freecad{seed}" / f"freecad{seed}.step"
+                path.parent.mkdir()
+                export_with_freecad(robot, path, freecad)
+                results.add(path, [replace(joint, connection=f"{joint.connection}, FreeCAD") for joint in joints])
         return results.table()
 
 

@@ -261,3 +261,21 @@ def test_cadquery_assembly_is_imported(run: Any, tmp_path: Path, shared_store: s
         assert code == 0 and said.startswith(f"joints.{joint}: ") and said.count("joints.") == 1
     assert run("check", "crane/crane.yaml")[0] == 0
     assert len(thingc.compile("crane/crane.yaml", store=shared_store).assembly.links) == 3
+
+
+FREECAD = [
+    [72.3823, 17.3205, 10.0, 13.0], [72.3823, 29.4449, 17.0, 13.0], [5206.1451, 11.5435, 6.6646, 12.2276], [23497.3452, 0.0, 0.0, 5.0],
+]
+"""Volumes and centres of the solids of `freecad.step`, as FreeCAD computed them [mm]."""
+
+
+def test_freecad_assembly_is_imported(run: Any, tmp_path: Path, shared_store: str) -> None:
+    """A base and a nested arm that is rotated by 30 degrees, with two pins, of which the second is a link to the first."""
+    (tmp_path / "lift.step").write_bytes(gzip.decompress((Path(__file__).parent / "step" / "freecad.step.gz").read_bytes()))
+    assert run("import", "lift.step")[0] == 0
+    rows = imported_rows(tmp_path / "lift/lift.yaml", Pose(), shared_store)
+    assert np.allclose(sorted(row[:4] for row in rows), FREECAD, atol=1e-3)
+    imported = json.loads((tmp_path / "lift/import.json").read_text())
+    assert imported["documents"][0]["components"] == {"plate": "plate", "pin": "pin", "pin_2": "pin 2"} and len(imported["parts"]) == 3
+    code, said = run("joints", "lift/lift.yaml", "--write")
+    assert code == 0 and said.startswith("joints.Sockel_to_Ausleger: ") and said.count("joints.") == 1
