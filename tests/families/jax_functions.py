@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from importlib import import_module
 
 import jax
 import jax.numpy as jnp
@@ -56,6 +57,12 @@ def test_values_and_derivatives_equal_those_of_the_function(everything: thingc.R
     np.testing.assert_allclose(derivatives, function.jacobian(rows[2]), rtol=1e-11, atol=1e-13)
     gradient = jax.jit(jax.grad(lambda x: function.jax()(x)[0][0]))(jnp.array(rows[2]))
     assert gradient.tolist() == pytest.approx([1.0, 0.3], rel=1e-12)
+
+
+def test_exported_names_exist() -> None:
+    """Here, because some names import JAX."""
+    for package in map(import_module, ("thingc", "thingc.batch", "thingc.batch.families", "thingc.modes", "thingc.targets")):
+        assert len(package.__all__) > 3 and all(getattr(package, name) is not None for name in package.__all__)
 
 
 def test_single_precision(everything: thingc.RobotFamily) -> None:

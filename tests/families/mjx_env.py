@@ -131,7 +131,8 @@ def test_robots_switch_modes_as_in_mujoco(feet: thingc.RobotFamily) -> None:
             np.testing.assert_allclose(states.reward[k], reward, atol=1e-11)
             assert (states.terminated[k], states.truncated[k], states.refused[k]) == (seen[0] > 0.2, truncated, "refused" in info)
             ends += states.terminated[k]
-    actions = states.observation[:, :1] + 0.1  # beyond the deadband, and within the torque-speed line
+    # Beyond the deadband, and within the torque-speed line. For an array that JAX has computed, it would compile the function again.
+    actions = np.asarray(states.observation[:, :1]) + 0.1
     changes = (run(models, states, jnp.asarray(actions * (1.0 + change)), jnp.asarray(modes)) for change in (1e-6, -1e-6, 0.0))
     ahead, behind, (_, slope) = changes
     np.testing.assert_allclose(slope, (ahead[0].observation - behind[0].observation) / 2e-6, rtol=1e-6, atol=1e-8)

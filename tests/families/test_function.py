@@ -112,11 +112,11 @@ def test_values_equal_those_of_evaluate(everything: thingc.RobotFamily) -> None:
     assert function.units == ("kg", "m", "N*m") and function.start.tolist() == [0.5, 0.3, 8.0]
     assert function.bounds[:2].tolist() == [[0.01, 20.0], [0.1, 0.9]] and np.isinf(function.bounds[2]).all()
     assert function.outputs[:2] == ("mass", "centre.x") and "length.neck" in function.outputs
-    rows = np.random.default_rng(3).uniform([0.005, 0.08, 4.0], [21.0, 0.5, 9.0], (120, 3))
+    rows = np.random.default_rng(3).uniform([0.005, 0.08, 4.0], [21.0, 0.5, 9.0], (40, 3))
     rows[17] = [np.nan, 0.3, 8.0]
     rows[18] = [np.inf, 0.3, 8.0]
     found = function.value(rows)
-    assert found.shape == (120, len(function.outputs)) and 80 < found.ok.sum() < 118
+    assert found.shape == (40, len(function.outputs)) and 25 < found.ok.sum() < 38
     for row, values, ok, problems in zip(rows, found, found.ok, found.problems, strict=True):
         alone = everything.evaluate(dict(zip(function.names, row.tolist(), strict=True)))
         assert alone.sound == ok and [one.code for one in problems] == [one.code for one in alone.problems]

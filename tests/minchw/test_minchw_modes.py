@@ -154,7 +154,7 @@ def nearby(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
     return all(one[axis] < other[axis + 3] + 1e-3 and other[axis] < one[axis + 3] + 1e-3 for axis in range(3))
 
 
-@pytest.mark.parametrize("pose", POSES)
+@pytest.mark.parametrize("pose", ["arched", "step_front"])
 def test_parts_do_not_overlap(models: dict[str, mujoco.MjModel], solids: dict[str, manifold3d.Manifold], pose: str) -> None:
     placed = sim.parts(models["crawl"], pose_of(models["crawl"], pose))
     there = {part: solid.transform(placed[part][:3]) for part, solid in solids.items()}

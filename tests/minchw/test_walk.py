@@ -1,4 +1,4 @@
-"""`examples/walk.py` on the floor, up a wall and under a ceiling, with held and free bases: bounds for all reported values, and the
+"""`examples/walk.py` on the floor and under a ceiling, with held and free bases: bounds for all reported values, and the
 results in docs/studies/walking.md."""
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from .conftest import sole
 
 pytestmark = pytest.mark.slow
 
-PLACES = ("floor", "wall", "ceiling")
-STEPS = {"floor": 1, "wall": 1, "ceiling": 3}
-"""The number of steps. Under the ceiling, as many as on the page, because an inclined landing affects the next landing."""
+STEPS = {"floor": 1, "ceiling": 3}
+"""The number of steps. Under the ceiling, as many as on the page, because an inclined landing affects the next landing. `make walk` also
+walks on the wall."""
 WAYS = ("rooted", "free")
 
 
@@ -42,7 +42,7 @@ def walked(walking: ModuleType, minchw: Path) -> dict[tuple[str, str], object]:
 
 
 @pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("place", STEPS)
 def test_steps(walking: ModuleType, walked: dict, place: str, way: str) -> None:
     seen = walked[place, way]
     assert seen.steps == STEPS[place]
@@ -59,14 +59,6 @@ def test_steps(walking: ModuleType, walked: dict, place: str, way: str) -> None:
     assert seen.tracking < radians(0.5)
     assert seen.removed < 1e-4 and seen.removed_angular < 1e-4
     assert (seen.removed > 0.0) == (way == "rooted")  # nothing to remove without a switch
-
-
-def test_floor_needs_the_largest_torques(walked: dict) -> None:
-    """On the floor, the body extends horizontally from the foot. On a wall, it is below or above the foot. Under a ceiling, it hangs
-    from the foot."""
-    for way in WAYS:
-        assert max(walked["floor", way].torque.values()) > 3.0 * max(walked["wall", way].torque.values())
-        assert walked["ceiling", way].pull > walked["floor", way].pull > walked["wall", way].pull
 
 
 def test_moment_at_the_foot_comes_from_the_weight(walking: ModuleType, walked: dict, minchw: Path) -> None:
@@ -139,7 +131,7 @@ def test_docs_show_the_output(walking: ModuleType, walked: dict, tmp_path: Path)
     page.write_text(DOCS.read_text())
     walking.write(page, "report", walking.report({key: seen for key, seen in walked.items() if key[0] == "ceiling"}))
     shown, printed = table(DOCS, "report"), table(page, "report")
-    assert list(shown) == list(printed) and len(shown[""]) == len(PLACES) * len(WAYS)
+    assert list(shown) == list(printed) and len(shown[""]) == 3 * len(WAYS)
     for name, cells in shown.items():
         for one, other in zip(cells[-2:], printed[name], strict=True):
             if re.match(r" +[\d.]+", one):

@@ -92,7 +92,7 @@ def compiled(family: thingc.RobotFamily, one: dict[str, Any]) -> tuple[Diagnosti
 
 @pytest.mark.parametrize(("name", "draw", "count", "causes", "codes"), [
     ("boom", boom, 120, 5, {"TC803"}), ("boom", limits, 120, 5, {"TC803", "TC506", "TC324", "TC601"}),
-    ("everything", linkage, 12, 1, {"TC604", "TC809"}),
+    ("everything", linkage, 9, 1, {"TC604", "TC809"}),
 ])
 def test_diagnostics_equal_those_of_a_compilation(
     workspace: Path, name: str, draw: Draw, count: int, causes: int, codes: set[str],

@@ -36,14 +36,14 @@ def everything(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("mode", ["standing", "hanging", "stuck"])
 def test_plan_applies_to_other_sizes_of_a_linkage(everything: Path, mode: str) -> None:
-    many = settings(8, 3, LINKAGE)
+    many = settings(4, 3, LINKAGE)
     with thingc.family(everything, verify=0) as family, thingc.family(everything) as other:
         for one in many:
             model, whole = family.model(one, mode=mode), other._models_of(mode, True)._compile(other._reader.read(one))
             assert not isinstance(model, NoModel) and not isinstance(whole, tuple)
             assert different_fields(model, whole) == []
         cache = family._models_of(mode, True).cache_for(family._reader.read(many[0]))
-        assert not cache.reasons and sum(cache.find(family._reader.read(one)) is not None for one in many) >= 6
+        assert not cache.reasons and sum(cache.find(family._reader.read(one)) is not None for one in many) >= 3
         assert len(cache.plans) <= 2
         results = family.evaluate(many)
         assert results == [other._evaluation_of(other.mode)._evaluate_by_passes(one, other._reader.read(one), False) for one in many]

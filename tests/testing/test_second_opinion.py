@@ -97,7 +97,7 @@ def test_distances_agree(parts: Parts) -> None:
     source, met, apart = np.random.default_rng(8), 0, 0
     compared = [(parts.names[one], parts.names[other]) for one, other in parts.collisions.pairs]
     assert len(compared) > 80
-    for _ in range(10):
+    for _ in range(4):
         q = dict(zip(JOINTS, source.uniform(LOW, HIGH).tolist(), strict=True))
         parts.move(q)
         near = parts.collisions.near_pairs(occurrence_poses(parts.robot, q), parts.robot.keyframes[0], SEE, SEE, {})
@@ -106,7 +106,7 @@ def test_distances_agree(parts: Parts) -> None:
             gap = parts.gap(*pair)
             assert found.get(pair, SEE) == pytest.approx(min(gap, SEE), abs=1e-9), (pair, q)
             met, apart = met + (gap == 0.0), apart + (0.0 < gap < SEE)
-    assert met > 1 and apart > 20, (met, apart)
+    assert met > 0 and apart > 8, (met, apart)
 
 
 def test_certificates_agree(document: Path, parts: Parts, shared_store: str) -> None:
@@ -115,7 +115,7 @@ def test_certificates_agree(document: Path, parts: Parts, shared_store: str) -> 
     certificate = json.loads(ran.out)["tests"][0]["measured"]["certificate"]
     clear, touching = ({*certificate[kind]} for kind in ("proved", "touches"))
     met: set[str] = set()
-    for elbow in np.radians(np.linspace(-130.0, -60.0, 36)).tolist():
+    for elbow in np.radians(np.linspace(-130.0, -60.0, 18)).tolist():
         parts.move({"yaw": 0.0, "shoulder": np.radians(-150.0), "elbow": elbow, "wrist": 0.0})
         for one, other in combinations(parts.names, 2):
             name = f"{one} and {other}".replace("/", ".")

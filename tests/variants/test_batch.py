@@ -132,14 +132,12 @@ def test_parquet_table_has_types_and_units(tmp_path: Path, shared_store: str) ->
 
 def test_table_does_not_depend_on_the_number_of_jobs(tmp_path: Path, shared_store: str) -> None:
     tables, trees = [], []
-    for name, executor, jobs in (("a", InThisProcess(), 1), ("b", None, 3), ("c", concurrent.futures.ThreadPoolExecutor(2), 2)):
+    for name, executor, jobs in (("a", InThisProcess(), 1), ("b", None, 2)):
         here = workspace(tmp_path / name)
         batch(here, shared_store, executor=executor, jobs=jobs)
         tables.append(without_run(rows(here / "build" / "sweep")))
         trees.append(tree(here / "build" / "sweep" / "variants"))
-        if executor is not None:
-            executor.shutdown()
-    assert tables[0] == tables[1] == tables[2] and trees[0] == trees[1] == trees[2]
+    assert tables[0] == tables[1] and trees[0] == trees[1]
 
 
 def test_jobs_can_run_in_other_processes(tmp_path: Path, shared_store: str) -> None:

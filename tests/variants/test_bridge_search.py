@@ -9,7 +9,6 @@ import re
 import runpy
 import shlex
 import shutil
-import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,7 +22,7 @@ import thingc.batch
 from conformance.harness import thingc_here
 from thingc.batch import batch
 from thingc.driver.environment import Options
-from variants.robots import InThisProcess, environment
+from variants.robots import InThisProcess
 
 MARGIN = 1.3
 
@@ -41,26 +40,13 @@ def standing(folder: Path) -> tuple[float, float]:
     return float(np.linalg.norm(data.site("front_sole").xpos - data.site("rear_sole").xpos)), float(margin)
 
 
-def command(root: Path, output: Path, store: str) -> list[str]:
-    """Return the command for a search of a few robots."""
-    words = ["-o", str(output), "--store", store, "--jobs", "1", "--count", "4", "--docs", str(output / "docs")]
-    return [str(root / "examples" / "longest_bridge.py"), *words]
-
-
 def search(root: Path, output: Path, store: str) -> str:
-    """Return the output of the script in a separate process."""
-    words = [sys.executable, *command(root, output, store)]
-    done = subprocess.run(words, cwd=root, capture_output=True, text=True, env=environment(store), timeout=300)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
-def search_here(root: Path, output: Path, store: str) -> str:
-    """Return the output of the script in this process, which also builds the robots."""
+    """Return the output of a search of a few robots in this process, which also builds the robots."""
+    words = ["-o", str(output), "--store", store, "--jobs", "1", "--count", "4", "--docs", str(output / "docs")]
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(io.StringIO()) as out:
         patch.chdir(root)
         patch.syspath_prepend(str(root / "examples"))
-        patch.setattr(sys, "argv", command(root, output, store))
+        patch.setattr(sys, "argv", [str(root / "examples" / "longest_bridge.py"), *words])
         patch.setattr(batch, "LocalExecutor", InThisProcess)
         with pytest.raises(SystemExit) as ended:
             runpy.run_path(sys.argv[0], run_name="__main__")
@@ -94,7 +80,7 @@ def test_table_of_the_search_agrees_with_mujoco(root: Path, tmp_path: Path, shar
     assert f"| `{best['name']}` |" in page and best["command"] in page
     assert (tmp_path / "docs" / "variants_search.md").read_text() == page
     picture = (tmp_path / "docs" / "pictures" / "bridge_search.png").read_bytes()
-    assert search_here(root, tmp_path, shared_store) == page
+    assert search(root, tmp_path, shared_store) == page
     assert (tmp_path / "docs" / "pictures" / "bridge_search.png").read_bytes() == picture
 
 

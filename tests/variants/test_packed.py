@@ -8,6 +8,7 @@ import pickle
 import shlex
 import shutil
 import signal
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -18,7 +19,7 @@ import pytest
 
 from conformance.harness import thingc_here
 from thingc.base.diagnostics import Code
-from thingc.batch import BatchFault, FamilyError, UnknownVariant, build_records, load, packed_layout, page, plan, run
+from thingc.batch import BatchFault, FamilyError, UnknownVariant, batch, build_records, load, packed_layout, page, plan, run
 from thingc.batch.build_records import find_variant, in_order
 from thingc.batch.folder_layout import Journal
 from thingc.batch.packed_layout import Chunk, PackedWriter, seal
@@ -26,7 +27,7 @@ from thingc.batch.page import show_again
 from thingc.driver.environment import Options
 from thingc.tools.cli.main import main
 from variants.families import BOARDS, SOME, arrays
-from variants.robots import InThisProcess, environment, thingc, tree, with_emitter, workspace
+from variants.robots import InThisProcess, batch_here, environment, tree, with_emitter, workspace
 from variants.test_batch import rows, without_run
 from variants.test_faults import FAULTS, assert_gone, descendants, listed, started
 
@@ -96,7 +97,7 @@ def test_results_of_a_packed_batch_equal_those_of_folders(here: Path, some: Path
 def test_unpacked_variant_equals_the_single_build(here: Path, boards: Path, shared_store: str) -> None:
     """The variants have parts: meshes are shared, and the names of files differ between variants."""
     env = environment(shared_store)
-    done = thingc("batch", "boards.yaml", "--layout", "packed", "--pictures", "2", "--jobs", "1", cwd=here, env=env)
+    done = batch_here("boards.yaml", "--layout", "packed", "--pictures", "2", "--jobs", "1", cwd=here, env=env)
     assert done.returncode == 0, done.stderr
     assert "to write the folder of one variant, run: thingc batch boards.yaml --unpack ID" in done.stderr
     out = here / "build" / "boards"
@@ -180,6 +181,8 @@ def test_failed_variants_are_packed_after_a_later_build(tmp_path: Path, shared_s
     assert run(str(here / "faults.yaml"), options=options, jobs=1, layout="packed").statuses == {"built": 5, "failed": 3}
     emitter = Path(path) / "faulty_target.py"
     emitter.write_text(emitter.read_text().replace('fault == "raise"', 'fault == "never"').replace('fault == "kill"', 'fault == "never"'))
+    sys.modules.pop("faulty_target")
+    monkeypatch.setattr(batch, "LocalExecutor", InThisProcess)
     assert run(str(here / "faults.yaml"), options=options, jobs=1, resume=True).statuses == {"built": 5, "failed": 3}
     times = []
     monkeypatch.setattr(packed_layout, "seal", lambda folder, number: (times.append(number), seal(folder, number)))
@@ -188,14 +191,17 @@ def test_failed_variants_are_packed_after_a_later_build(tmp_path: Path, shared_s
     assert load(here / "build/faults")[1].sizes("flying").nq == 9
     fresh = workspace(tmp_path / "fresh", faults=listed({1: "kill", 3: "raise", 6: "raise"}, 8))
     run(str(fresh / "faults.yaml"), options=options, jobs=1, layout="packed")
+    sys.modules.pop("faulty_target")  # another test has another one
     assert sealed(fresh / "build/faults") == sealed(here / "build/faults")
 
 
-def test_packed_batch_can_be_resumed_after_kills(tmp_path: Path, shared_store: str) -> None:
+def test_packed_batch_can_be_resumed_after_kills(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """SIGKILL and SIGTERM come at random moments. Every variant in a journal stays, and the chunk equals that of an undisturbed batch."""
+    monkeypatch.setattr(packed_layout, "CHUNK", 24)  # as in the killed processes: one chunk
+    monkeypatch.setattr(packed_layout, "GROUP", 64)
     env = environment(shared_store, with_emitter(tmp_path))
     places = [workspace(tmp_path / name, faults=FAULTS + "    layout: packed\n") for name in ("killed", "fresh")]
-    assert thingc("batch", "faults.yaml", "--pictures", "none", "--jobs", "1", cwd=places[1], env=env).returncode == 0
+    assert batch_here("faults.yaml", "--pictures", "none", cwd=places[1], env=env).returncode == 0
     here, journal = places[0], places[0] / "build/faults/chunks/000000.jsonl"
     for number, count in ((signal.SIGKILL, 2), (signal.SIGTERM, 8)):
         process = started(here, env, "--jobs", "1", *(["--resume"] if journal.exists() else []))
@@ -208,7 +214,7 @@ def test_packed_batch_can_be_resumed_after_kills(tmp_path: Path, shared_store: s
         with journal.open("a") as stream:
             stream.write('{"index": 2')  # a line that the kill has torn
     there = journal.read_bytes().count(b"\n")
-    done = thingc("batch", "faults.yaml", "--pictures", "none", "--jobs", "1", "--resume", cwd=here, env=env)
+    done = batch_here("faults.yaml", "--pictures", "none", "--resume", cwd=here, env=env)
     assert done.returncode == 0 and f"({there} of them in earlier runs): 24 built" in done.stderr and not journal.exists(), done.stderr
     assert sealed(here / "build/faults") == sealed(places[1] / "build/faults")
 
