@@ -226,7 +226,12 @@ def test_output_formats_and_exit_codes(here: Path, capsys: pytest.CaptureFixture
 @pytest.mark.parametrize(("name", "text", "code", "words"), [
     ("missing.urdf", None, 2, "cannot read `missing.urdf`: no such file or directory"),
     ("cut.urdf", '<robot name="r">\n  <link name="a"', 1, "--> cut.urdf:2:3\n"),
-    ("other.xml", "<html/>", 1, "found `<html>`\n   --> other.xml:1:1\n"),
+    ("page.xml", "<!DOCTYPE html>\n<html><body><br></body></html>", 1, "`<sdf>` (SDF), found `<!DOCTYPE html>`\n   --> page.xml:1:15\n"),
+    ("picture.xml", "<!-- -->\n<svg/>", 1, "expected the first element `<mujoco>` (MJCF), `<robot>` (URDF) or `<sdf>` (SDF), found `<svg>`"
+     "\n   --> picture.xml:2:1\n  2 | <svg/>\n    | ^^^^\n  help: use a robot file: MJCF, URDF or SDF\n"),
+    ("empty.xml", "<mujoco/>", 1, "help: add `<body>` to `<worldbody>`"),
+    ("other.urdf", "<mujoco/>", 1, "(URDF), found `<mujoco>`\n   --> other.urdf:1:1\n  1 | <mujoco/>\n    | ^^^^^^^\n"
+     "  help: rename the file to `.xml`"),
     ("broken.urdf.xacro", '<robot name="r" xmlns:xacro="http://wiki.ros.org/xacro">\n  <link name="${none}"/></robot>', 1,
      "--> broken.urdf.xacro:2:1\n"),
     ("mesh.urdf", '<robot name="r"><link name="a">\n<visual><geometry><mesh filename="no.stl"/></geometry></visual></link></robot>', 1,
@@ -238,6 +243,15 @@ def test_unreadable_files(here: Path, name: str, text: str | None, code: int, wo
     assert main(["check", name, "fixed.urdf"]) == code
     said = capsys.readouterr().out
     assert words in said and "fixed.urdf: ok\n" in said and "Traceback" not in said
+
+
+def test_sdf_file_with_the_suffix_xml(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copy(here / "constructs.sdf", here / "sdf.xml")
+    said = []
+    for name in ("constructs.sdf", "sdf.xml"):
+        assert main(["check", name]) == 0
+        said.append(capsys.readouterr().out.replace(name, "FILE"))
+    assert said[0] == said[1] != ""
 
 
 def test_xacro_errors_have_the_lines_of_the_xacro_file(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -310,7 +310,7 @@ def test_exported_screw_and_universal_joints_round_trip(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("text", "code", "line", "message"), [
-    ("<robot/>", "TC951", 1, "expected the first element `<sdf>` of an SDF file, found `<robot>`"),
+    ("<robot/>", "TC951", 1, "expected the first element `<sdf>` (SDF), found `<robot>`"),
     (sdf(CHAIN, "2.0"), "TC952", 1, "`version` of `<sdf>`: expected 1.4 to 1.12, found `2.0`"),
     ("<sdf version='1.9'>\n</sdf>", "TC953", 1, "expected one model that is not static, found none"),
     ("<sdf version='1.9'><model name='a'/>\n<model name='b'/></sdf>", "TC953", 2, "expected one model that is not static, found `a`, `b`"),

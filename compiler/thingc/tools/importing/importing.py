@@ -34,7 +34,7 @@ from thingc.tools.importing.tree import warn_of_depth
 from thingc.tools.importing.update_import import RECORD, PreviousImport
 from thingc.tools.importing.urdf import expand_xacro, read_urdf
 from thingc.tools.importing.write_document import DocumentWriter
-from thingc.tools.importing.xml_source import MOST_BYTES, read_xml
+from thingc.tools.importing.xml_source import FORMATS, MOST_BYTES, read_xml
 
 _METRES = "check the unit: lengths are in metres"
 
@@ -157,15 +157,17 @@ def _content(path: str, report: Report) -> bytes | None:
 def _load_source(
     path: str, data: bytes, arguments: Mapping[str, str], packages: Packages, report: Report, *, meshes: bool,
 ) -> SourceRobot | None:
-    """Read the robot with the reader that supports the suffix of the file. A file with the suffix `.xml` can be MJCF or URDF."""
-    if path.lower().endswith(".xacro"):
+    """Read the robot with the reader that supports the suffix of the file. A file with the suffix `.xml` can be MJCF, URDF or SDF."""
+    suffix = os.path.splitext(path)[1].lower()
+    if suffix == ".xacro":
         expanded = expand_xacro(path, arguments, packages.given, report)
         return None if expanded is None else read_urdf(path, expanded[0], report, files=expanded[1])
-    if path.lower().endswith(".xml"):
-        root = read_xml(path, data, report)
+    if suffix == ".xml":
+        root = read_xml(path, data, report, tags=FORMATS)
         if root is None or root.tag == "mujoco":
             return None if root is None else read_mjcf(root, packages, report, meshes=meshes)
-    return read_sdf(path, data, packages, report) if path.lower().endswith(".sdf") else read_urdf(path, data, report)
+        suffix = FORMATS[root.tag][1]
+    return read_sdf(path, data, packages, report) if suffix == ".sdf" else read_urdf(path, data, report)
 
 
 def _record(imported: Imported, names: Mapping[str, Mapping[str, str]], options: Mapping[str, object], path: str, data: bytes) -> bytes:

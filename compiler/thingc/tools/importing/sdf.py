@@ -21,7 +21,7 @@ from thingc.tools.importing import source_model
 from thingc.tools.importing.packages import NotFound, Packages
 from thingc.tools.importing.sdf_frames import WORLD, Frames, NamedFrame, key_of
 from thingc.tools.importing.tree import check_mimics, root_of, span_tree
-from thingc.tools.importing.xml_source import Losses, SourceElement, read_robot, read_xml
+from thingc.tools.importing.xml_source import Losses, SourceElement, read_xml
 from thingc.tools.importing.xml_values import ChildValues
 
 MOST_INCLUDES = 100
@@ -75,7 +75,7 @@ class Includes:
             return None
         uri = self._file(self.uri(uri.rstrip("/"), include.where.file))
         path, data = self.packages.read(uri)
-        root = read_robot(path, data, self.report, "sdf", "an SDF")
+        root = read_xml(path, data, self.report, tags=["sdf"])
         models = [] if root is None else [*root.all("model")]
         if root is None or len(models) != 1:
             self.values.fault(include, "uri", f"expected a file with one model, found {len(models)} in `{uri}`")
@@ -151,7 +151,7 @@ def read_sdf(path: str, data: bytes, packages: Packages, report: Report) -> sour
 
     If the file has errors, report the errors and return None.
     """
-    root = read_robot(path, data, report, "sdf", "an SDF")
+    root = read_xml(path, data, report, tags=["sdf"])
     return None if root is None else _Sdf(root, packages, report).robot()
 
 
@@ -205,7 +205,7 @@ class _Sdf:
         names = ", ".join(f"`{one.attributes.get('name', '')}`" for one in robots[:6]) or "none"
         self.report.add(
             Code.SOURCE_TREE, f"expected one model that is not static, found {names}", (robots[1] if robots else self.root).where,
-            help="split the file into one file for each robot" if robots else None,
+            help="split the file into one file for each robot" if robots else "add a `<model>` with a link",
         )
         return None
 

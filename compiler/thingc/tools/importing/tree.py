@@ -44,7 +44,7 @@ def root_of(links: Sequence[SourceLink], attachments: Sequence[Attachment], wher
                 help="remove one of the two joints, and close the loop in the document with `loop: true`",
             )
     if not links:
-        report.add(Code.SOURCE_TREE, "the robot has no links", where)
+        report.add(Code.SOURCE_TREE, "the robot has no links", where, help="add a `<link>`")
     if len(report.diagnostics) > before:
         return None
     _circles(named, above, report)

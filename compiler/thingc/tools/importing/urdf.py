@@ -27,7 +27,7 @@ from thingc.geometry.worker.sandbox import OUTSIDE
 from thingc.tools.importing import source_model
 from thingc.tools.importing.tree import check_mimics, root_of
 from thingc.tools.importing.urdf_blocks import TAGS, Blocks
-from thingc.tools.importing.xml_source import MOST_BYTES, Losses, SourceElement, read_robot
+from thingc.tools.importing.xml_source import MOST_BYTES, Losses, SourceElement, read_xml
 from thingc.tools.importing.xml_values import Values
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -56,7 +56,7 @@ def read_urdf(path: str, data: bytes, report: Report, *, files: Sequence[str] = 
 
     If the file has errors, report the errors and return None. `files` are the xacro files from which the URDF was generated.
     """
-    root = read_robot(path, data, report, "robot", "a URDF", files=files)
+    root = read_xml(path, data, report, tags=["robot"], files=files)
     if root is None:
         return None
     macro = next((element for element in _walk(root) if element.tag.startswith("xacro:")), None)

@@ -19,6 +19,8 @@ MARK = "thingc.at"
 MOST_BYTES = 50_000_000
 MOST_LEVELS = 100
 MOST_ELEMENTS = 500_000
+FORMATS = {"mujoco": ("MJCF", ".xml"), "robot": ("URDF", ".urdf"), "sdf": ("SDF", ".sdf")}
+"""Names and suffixes of the formats of robot files by the tag of the first element."""
 _DECLARED = re.compile(rb"""\s*<\?xml\b[^>]*?(\sencoding\s*=\s*["']([^"'>]*)["'])""")
 
 
@@ -72,21 +74,8 @@ class _Stop(Exception):
     """Raised to stop the XML parser after an error has been reported."""
 
 
-def read_robot(path: str, data: bytes, report: Report, tag: str, form: str, *, files: Sequence[str] = ()) -> SourceElement | None:
-    """Parse an XML file that must have a root element with the given `tag`. `form` is the name of the format in error messages.
-
-    If the file is invalid, report the errors and return None.
-    """
-    root = read_xml(path, data, report, files=files)
-    if root is None or root.tag == tag:
-        return root
-    message = f"expected the first element `<{tag}>` of {form} file, found `<{root.tag}>`"
-    report.add(Code.SOURCE_XML, message, root.where, help=f"use a robot file: `.{form.split()[-1].lower()}`")
-    return None
-
-
-def read_xml(path: str, data: bytes, report: Report, *, files: Sequence[str] = ()) -> SourceElement | None:
-    """Parse an XML file.
+def read_xml(path: str, data: bytes, report: Report, *, tags: Collection[str] = (), files: Sequence[str] = ()) -> SourceElement | None:
+    """Parse an XML file. `tags` contains the keys of `FORMATS` that the first element can have; if it is empty, every tag is valid.
 
     `data` is the content of the file at an absolute path. If the file is invalid, report an error and return None. If xacro generated the
     text, the source locations are in the xacro files `files`.
@@ -95,7 +84,7 @@ def read_xml(path: str, data: bytes, report: Report, *, files: Sequence[str] = (
         report.add(Code.SOURCE_XML, f"the file has more than {MOST_BYTES:,} bytes", line_of(path), help="reduce the size of the file")
         return None
     try:
-        reading = _Reading(path, utf8_of(data), report, files)
+        reading = _Reading(path, utf8_of(data), report, tags, files)
     except (ValueError, LookupError) as fault:
         line = data.count(b"\n", 0, getattr(fault, "start", 0)) + 1
         help = "save the file as UTF-8, or declare the encoding in the first line"
@@ -128,8 +117,8 @@ def _span(path: str, line: int, column: int, width: int = 0) -> Span:
 
 
 class _Reading:
-    def __init__(self, path: str, data: bytes, report: Report, files: Sequence[str]) -> None:
-        self.path, self.data, self.report = path, data, report
+    def __init__(self, path: str, data: bytes, report: Report, tags: Collection[str], files: Sequence[str]) -> None:
+        self.path, self.data, self.report, self.tags = path, data, report, tags
         self.files = [(file, _content(file)) for file in files]
         self.root: SourceElement | None = None
         self.open: list[SourceElement] = []
@@ -145,9 +134,18 @@ class _Reading:
     def _span_at(self, width: int = 0) -> Span:
         return _span(self.path, self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1, width)
 
-    def _refuse(self, message: str, help: str) -> None:
-        self.report.add(Code.SOURCE_XML, message, self._span_at(), help=help)
+    def _refuse(self, message: str, help: str, where: Span | None = None) -> None:
+        self.report.add(Code.SOURCE_XML, message, where or self._span_at(), help=help)
         raise _Stop
+
+    def _check_format(self, tag: str, text: str, where: Span) -> None:
+        """Refuse a file whose first element `tag` is not one of the expected tags. `text` is the beginning of the file."""
+        if tag in self.tags or not self.tags:
+            return
+        *first, last = (f"`<{one}>` ({FORMATS[one][0]})" for one in self.tags)
+        expected = f"{', '.join(first)} or {last}" if first else last
+        help = f"rename the file to `{FORMATS[tag][1]}`" if tag in FORMATS else "use a robot file: MJCF, URDF or SDF"
+        self._refuse(f"expected the first element {expected}, found `{text}`", help, where)
 
     def _begin(self, tag: str, attributes: dict[str, str]) -> None:
         self.count += 1
@@ -161,6 +159,8 @@ class _Reading:
             number, line, column, start = map(int, mark)
             file, source = self.files[number]
             where = _span(file, line, column, len(tag) + 1)
+        if self.root is None:
+            self._check_format(tag, f"<{tag}>", where)
         element = SourceElement(tag=tag, attributes=attributes, where=where, source=source, start=start)
         if self.open:
             self.open[-1].children.append(element)
@@ -176,6 +176,7 @@ class _Reading:
         self._refuse(f"the XML entity `{name}` is not supported", "replace the entity by its value")
 
     def _doctype(self, name: str, system: str | None, public: str | None, internal: bool) -> None:
+        self._check_format(name, f"<!DOCTYPE {name}>", self._span_at())
         if system or public:
             self._refuse(f"the external file `{system or public}` is not supported", "remove `<!DOCTYPE ...>`")
 

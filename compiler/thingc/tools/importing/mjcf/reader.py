@@ -95,7 +95,7 @@ class _Reader:
             return None
         bodies, root = self._robot_bodies()
         if bodies == {WORLD}:
-            self.report.add(Code.SOURCE_TREE, "the robot has no body", self.original.flat.root.where)
+            self.report.add(Code.SOURCE_TREE, "the robot has no body", self.original.flat.root.where, help="add `<body>` to `<worldbody>`")
             return None
         for body in self.free & bodies - {root}:
             self.parents[body], self._released[body] = root, (NO_POSE if root == WORLD else self._pose(root)).inverse() @ self._pose(body)
