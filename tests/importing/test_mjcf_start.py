@@ -51,6 +51,51 @@ def test_source_mode_starts_where_the_file_starts(keys: str, name: str, wanted: 
     numpy.testing.assert_allclose(other.body("hand").xpos, one.body("hand").xpos, atol=1e-6)
 
 
+TONGS = """\
+<mujoco model="tongs">
+  <worldbody>
+    <body name="post"><geom type="box" size="0.1 0.1 0.05" mass="3"/>
+      <body name="left"><joint name="left" axis="0 1 0" ref="-20"/><geom pos="0.2 0 0" size="0.03" mass="1"/></body>
+      <body name="right"><joint name="right" axis="0 1 0" ref="5"/><geom pos="0.2 0 0" size="0.03" mass="1"/></body>
+    </body>
+  </worldbody>
+  <equality><joint joint1="right" joint2="left" polycoef="0.2 -1 0 0 0"/></equality>
+  KEYS
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize(("angle", "keys"), [
+    ("-20", ""), ("0", ""), ("0", '<keyframe><key name="home" qpos="0.3 0.1"/></keyframe>'),
+    ("0", '<keyframe><key name="start" qpos="0.3 -0.1"/><key name="up" qpos="0.9 -0.61273354"/></keyframe>'),
+])
+def test_violated_mimic_of_the_source_is_closed_at_the_start(angle: str, keys: str, tmp_path: Path) -> None:
+    """The leading joint starts where the file or its first keyframe starts it. The start that the other joint cannot have is a loss. An
+    import of the written model starts in the same keyframe."""
+    text = TONGS.replace("KEYS", keys).replace("-20", angle)
+    imported, theirs = imported_from(text, tmp_path), mujoco.MjModel.from_xml_string(text)
+    left, right = theirs.key_qpos[0] if keys else theirs.qpos0
+    closed = theirs.qpos0[1] + 0.2 - (left - theirs.qpos0[0])
+    lost = [(one.what, one.why) for one in imported.losses if "joint `right` at" in one.what or one.what.startswith("the start position")]
+    assert abs(closed - right) > 1e-3 and len(lost) == 1 and "the joint mimics `left`" in lost[0][1]
+    assert keys or lost[0] == (f"the start position of joint `right`, {right:g}", f"the joint mimics `left` ({closed:g} is used)")
+    mode = thingc.compile(tmp_path / imported.document).modes["source"]
+    ours = mode.model()
+    name = "home" if "home" in keys else "start"
+    assert [ours.key(k).name for k in range(ours.nkey)] == [name, *(["up"] if "up" in keys else [])]
+    again = tmp_path / "again"
+    again.mkdir()
+    second = imported_from(mode.mjcf(), again)
+    third = thingc.compile(again / second.document).modes["source"].model()
+    assert [third.key(k).name for k in range(third.nkey)] == [ours.key(k).name for k in range(ours.nkey)]
+    for model in (ours, third):
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        mujoco.mj_forward(model, data)
+        assert [data.joint(name).qpos[0] for name in ("left", "right")] == pytest.approx([left, closed], abs=1e-6)
+        assert abs(data.efc_pos[0]) < 1e-6
+
+
 FLOATING = """\
 <mujoco model="dog">
   <default><joint armature="0.3" damping="0.2" frictionloss="0.1"/></default>

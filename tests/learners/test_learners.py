@@ -25,6 +25,7 @@ from emit.test_joint_order import plain_document
 from emit.test_sdf import EVERY
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
+from thingc.modes import Modes
 from thingc.targets.artifact import Artifacts
 from thingc.targets.custom_names import apply_custom_names
 from thingc.targets.registry import emitter, parse_targets, targets
@@ -70,6 +71,29 @@ modes:
   stuck: {root: left.foot, base: fixed, at: {xyz: 0 0 0.3 m}}
 """
 
+GRIP = """thingc: assembly/1
+name: grip
+components:
+  base: {frame: true, mass: 1 kg, inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}}
+  fore: {frame: true, mass: 1 kg, inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}, mounts: {tip: {xyz: 200 0 0 mm}}}
+  finger: {frame: true, mass: 1 kg, inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}}
+joints:
+  elbow:
+    type: revolute
+    parent: base.origin
+    child: fore.origin
+    limit: {lower: -60 deg, upper: 60 deg, effort: 20 N*m, velocity: 15 rad/s}
+    drive: {kind: position, kp: 40 N*m/rad, kv: 1.5 N*m*s/rad}
+  grip:
+    type: revolute
+    parent: fore.tip
+    child: finger.origin
+    limit: {lower: -100 deg, upper: 100 deg}
+    mimic: {joint: elbow, multiplier: 0.5, offset: 10 deg}
+poses: {bent: {elbow: 40 deg}}
+modes: {bench: {root: base, base: fixed}, loose: {root: finger, base: free}, posed: {root: base, base: fixed, pose: bent}}
+"""
+
 
 class Written:
     """The files of all targets for a document, in a build folder."""
@@ -87,7 +111,7 @@ class Written:
             assert all(ours.fullmatch(path) for made in self.made.values() for path in made.files)
             assert not compilation.report.failed
             self.name, self.folder = request.assembly.name, folder / "out"
-            self.modes = {robot.mode.name: robot.start.name if robot.start is not None else None for robot in request.robots}
+            self.modes = {robot.mode.name: robot.start.name or None for robot in request.robots}
             for made in (*models.values(), *self.made.values()):
                 for path, content in made.contents(environment.store).items():
                     (self.folder / path).parent.mkdir(parents=True, exist_ok=True)
@@ -127,7 +151,7 @@ class Written:
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> dict[str, Written]:
-    documents = {"dog": {"robot.yaml": DOG}, "every": {"robot.yaml": EVERY}}
+    documents = {"dog": {"robot.yaml": DOG}, "grip": {"robot.yaml": GRIP}, "every": {"robot.yaml": EVERY}}
     documents |= {f"plain_{seed}": {"robot.yaml": plain_document(seed)} for seed in range(6)}
     documents["pair"] = {"arm.yaml": ARM.replace("joints:\n", PULLEY + "joints:\n", 1), "robot.yaml": PAIR}
     return {name: Written(tmp_path_factory.mktemp(name), shared_store, files) for name, files in documents.items()}
@@ -187,6 +211,19 @@ def drive_of(model: Any, joint: int) -> Any:
 def test_models_loaded_by_modules_are_written() -> None:
     assert parse_targets(["isaaclab"]) == ("usd", "isaaclab") and parse_targets(["mjlab,playground"]) == ("mjcf", "mjlab", "playground")
     assert parse_targets(["urdf"]) == ("urdf",)
+
+
+@pytest.mark.parametrize(("mode", "elbow"), [("bench", 0.0), ("loose", 0.0), ("posed", math.radians(40.0))])
+def test_joints_that_mimic_others_start_where_these_put_them(written: dict[str, Written], mode: str, elbow: float) -> None:
+    robot = written["grip"]
+    model, data = robot.started(mode)
+    mujoco.mj_forward(model, data)
+    assert [data.joint(name).qpos[0] for name in ("elbow", "grip")] == pytest.approx([elbow, 0.5 * elbow + math.radians(10.0)])
+    assert data.ne == 1 and abs(data.efc_pos[0]) < 1e-15
+    states = Modes.load(robot.folder)[mode]
+    assert states.state().q == pytest.approx({"elbow": 0.0, "grip": math.radians(10.0)})
+    assert states.state(q={"elbow": -0.4}).q == pytest.approx({"elbow": -0.4, "grip": math.radians(10.0) - 0.2})
+    assert states.state("bent", q={"grip": 0.1}).q == pytest.approx({"elbow": math.radians(40.0), "grip": 0.1})
 
 
 def test_isaac_lab_has_the_values_of_mujoco(written: dict[str, Written], stand_ins: None) -> None:

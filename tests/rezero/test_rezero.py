@@ -251,6 +251,25 @@ def test_limit_repeated_by_an_alias_is_an_error(here: Path, capsys: pytest.Captu
     assert (here / "arm.yaml").read_text() == text
 
 
+@pytest.mark.parametrize("words", [["first=30 deg"], ["second=-10 deg"], ["first=20 deg", "--flip", "second"]])
+@pytest.mark.parametrize("modes", ["modes: {go: {root: a}, held: {root: c, base: held}}\n", ""])
+def test_start_of_a_mimic_with_an_offset_stays(here: Path, words: list[str], modes: str) -> None:
+    """`second` starts at 10 deg in modes without a pose, also if this position becomes its zero. A document without modes gets no pose."""
+    (here / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    text = re.sub(r"^(raw|  (third|stuck|cross)).*\n|^  [def]: .*\n", "", CHAIN, flags=re.MULTILINE)
+    text = text.replace("multiplier: =ratio", "multiplier: 2, offset: 10 deg")
+    (here / "chain.yaml").write_text(text + modes)
+    old = models(here / "chain.yaml")
+    assert main(["rezero", "chain.yaml", *words]) == 0
+    new = models(here / "chain.yaml")
+    assert ("poses:" in (here / "chain.yaml").read_text()) == ("first" in words[0] and bool(modes))
+    for mode, model in old.items() if modes else ():
+        was, now = mujoco.MjData(model), mujoco.MjData(new[mode])
+        mujoco.mj_resetDataKeyframe(model, was, 0)
+        mujoco.mj_resetDataKeyframe(new[mode], now, 0 if new[mode].nkey else -1)
+        assert abs(was.joint("second").qpos[0] - 10 * DEG) < 1e-15 and apart((model, was), (new[mode], now)) < 1e-12
+
+
 def test_joint_of_a_nested_document(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "thingc.toml").write_text('thingc = "workspace/1"\n')
     body = "frame: true, mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}"

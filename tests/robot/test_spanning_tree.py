@@ -169,6 +169,22 @@ def test_start_outside_limits_without_pose_is_reported(lower: float | None, uppe
     assert [d.code for d in report.diagnostics] == ([Code.START_LIMITS] if outside else [])
 
 
+@pytest.mark.parametrize(("upper", "outside"), [(0.6, False), (0.4, True)])
+def test_start_of_a_mimic_outside_its_limits_is_reported(upper: float, outside: bool) -> None:
+    """The joint `k` starts at 0.5 rad, because it mimics `j` with this offset. Its limits exclude 0."""
+    model = assembly(
+        "two", [component("base", "p:Base"), component("arm", "p:Arm"), component("hand", "p:Arm")],
+        [joint("j", "base.seat", "arm.hole"), joint("k", "arm.tip", "hand.hole", lower=0.2, upper=upper, mimic=mimic("j", 2.0, 0.5))],
+        modes=[mode("m", whole("base"))],
+    )
+    report = Report()
+    check_starts(tuple(robots(linked(model, BASE, ARM)).values()), None, report, Memo())
+    assert [(d.message, d.help) for d in report.diagnostics] == [(
+        "mode `m` starts with `k` at 28.6479 deg, outside its limits (11.4592 deg to 22.9183 deg)",
+        "add a `pose` with a value for `j` to the mode",
+    )] * outside
+
+
 def test_start_limits_are_reported_once_for_all_modes() -> None:
     """Five joints in a row cannot be at 0, in three modes of which the last has a pose: one warning for the first two modes."""
     arms = [f"arm{k}" for k in range(5)]

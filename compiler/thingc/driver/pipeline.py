@@ -173,8 +173,9 @@ def build(environment: Environment, compilation: Compilation, targets: Sequence[
 
         step.begin(request)
     robot = next(iter(compilation.robots), None)
-    start = None if robot is None else robot.start
-    poses = request.assembly.rest if robot is None or start is None else occurrence_poses(robot, start.q, start.base)
+    poses = request.assembly.rest
+    if robot is not None and robot.mode.pose is not None:
+        poses = occurrence_poses(robot, robot.start.q, robot.start.base)
     overlaps = Overlaps(environment.store, request.workspace.mesh.linear, environment.memo)
     check_overlaps(request.assembly, poses, overlaps, compilation.report)
     return run_emitters(request, targets)

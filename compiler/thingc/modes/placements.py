@@ -41,7 +41,8 @@ def _distances(mode: Mode, model: Any, body_of: Mapping[str, int]) -> Iterator[t
     for number in sorted(with_body):
         link = mode.links[number]
         yield f"link `{link.name}`", _difference(link.X_root_link, X[body_of[link.name]])
-    motions = np.array(mode.jacobians(mode.state(base_pose=np.eye(4))))[:, :, 6:]  # at q = 0, in the axes of the root link
+    zeros = {joint.name: 0.0 for joint in mode.joints}
+    motions = np.array(mode.jacobians(mode.state(q=zeros, base_pose=np.eye(4))))[:, :, 6:]  # in the axes of the root link
     for column, joint in enumerate(mode.joints):
         if joint.kind == "free":
             continue

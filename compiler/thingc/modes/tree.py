@@ -97,6 +97,10 @@ class Mimic(OneLineRepr):
     offset: float
     higher: tuple[float, ...] = ()
 
+    def at(self, x: float) -> float:
+        """Return the coordinate of the joint, where x is the coordinate of the leading joint."""
+        return self.offset + self.multiplier * x + sum_of(c * x**k for k, c in enumerate(self.higher, start=2))
+
     def rate(self, x: float) -> float:
         """Return the derivative dq/dx of the coupling, where x is the coordinate of the leading joint."""
         return self.multiplier + sum_of(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
@@ -239,13 +243,18 @@ class Mode(OneLineRepr):
     ) -> RobotState:
         """Return a state of the robot in this mode, in the pose `named`, or with all joint coordinates 0 if `named` is None.
 
-        `q` maps joint paths to coordinates that differ from the pose. The robot is at rest except for the joint velocities `v` and the base
-        twist `base_twist`. The base is at its initial pose, unless `base_pose` is given. Raises `ModesError` for an unknown pose or joint.
+        `q` maps joint paths to coordinates that differ from the pose. If `named` is None, joints that mimic others follow these joints. The
+        robot is at rest except for the joint velocities `v` and the base twist `base_twist`. The base is at its initial pose, unless
+        `base_pose` is given. Raises `ModesError` for an unknown pose or joint.
         """
         if named is not None and named not in self.named:
             raise ModesError(f"mode `{self.name}` has no pose `{named}`: {did_you_mean(named, self.named, what='poses')}")
-        start = self.named[named] if named is not None else {}
-        names = [joint.name for joint in self.joints]
+        given, names = {**(self.named[named] if named is not None else {}), **(q or {})}, {joint.name: joint for joint in self.joints}
+
+        def coordinate(name: str) -> float:
+            mimic = names[name].mimic if name in names and name not in given else None
+            return given.get(name, 0.0) if mimic is None else mimic.at(coordinate(mimic.joint))
+
         for path in {**(q or {}), **(v or {})}:
             if path not in names:
                 raise ModesError(f"the robot has no joint `{path}`: {did_you_mean(path, names, what='joints')}")
@@ -253,7 +262,7 @@ class Mode(OneLineRepr):
             mode=self.name,
             base_pose=np.asarray(self.bases.get(named or "", self.X_world_root) if base_pose is None else base_pose, dtype=float),
             base_twist=np.asarray(np.zeros(6) if base_twist is None else base_twist, dtype=float),
-            q={joint.name: (q or {}).get(joint.name, start.get(joint.name, 0.0)) for joint in self.joints},
+            q={name: coordinate(name) for name in names},
             v={joint.name: (v or {}).get(joint.name, 0.0) for joint in self.joints},
         )
 

@@ -342,7 +342,7 @@ class _LossFinder:
             yield from self.of_tendon(tendon)
         for sensor in assembly.sensors:
             yield from self.of_sensor(sensor)
-        for pose in assembly.poses:
+        for pose in (pose for pose in assembly.poses if pose.stated):
             yield from self(self.capabilities["modes"]["poses"], None, pose.name, "the pose", pose.origin)
         in_modes = (assembly.in_mode(mode.name) for mode in assembly.modes)
         occurrences = {id(one): one for variant in (assembly, *in_modes) for one in variant.occurrences}.values()

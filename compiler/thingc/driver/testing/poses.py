@@ -25,17 +25,6 @@ def pose_robot(assembly: Assembly, mode: LinkedMode, poses: Iterable[NamedPose])
     return root(replace(assembly, poses=(*requested.values(), *other_poses)), replace(mode, poses=tuple(requested)), Report())
 
 
-def starting_pose(assembly: Assembly, mode: LinkedMode) -> NamedPose:
-    """Return the start pose of a mode. If the mode does not specify a pose, all joints are at 0."""
-    start = next((pose for pose in assembly.poses if pose.name == mode.pose), None)
-    if start is not None:
-        return start
-    name = "at_zero"
-    while any(pose.name == name for pose in assembly.poses):
-        name += "_"
-    return NamedPose(name=name, values={}, origins={}, origin=mode.origin)
-
-
 def sweep_poses(pose: NamedPose, ranges: tuple[JointRange, ...], samples: int) -> list[NamedPose]:
     """Return `samples` poses in which the joints of `ranges` are spread over their ranges. Other joints are positioned as in `pose`."""
     poses: list[NamedPose] = []

@@ -13,7 +13,7 @@ from thingc.base.diagnostics import Report
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.driver.testing.kinds import measurement_of
 from thingc.driver.testing.outcomes import Failure, Outcome, Result, TestCase, open_loops_outcome
-from thingc.driver.testing.poses import keyframe, pose_robot, starting_pose
+from thingc.driver.testing.poses import keyframe, pose_robot
 from thingc.model.assembly.types import LinkedMode, LinkedTest
 from thingc.model.resolve.types import NamedPose
 from thingc.targets.request import EmitRequest
@@ -92,10 +92,9 @@ def _runs(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMode])
         case = TestCase(linked=linked, robot=request.robots[0], request=request)
         yield None, None, partial(measurement.measure, case, linked.test.check)
         return
-    pose_names = {pose.name for pose in assembly.poses}
     for mode in modes:
-        for pose in _poses(request, linked, mode) if kind.takes("pose") else [starting_pose(assembly, mode)]:
-            pose_name = pose.name if kind.takes("pose") and pose.name in pose_names else None
+        for pose in _poses(request, linked, mode) if kind.takes("pose") else [assembly.start_pose(mode)]:
+            pose_name = pose.name if kind.takes("pose") and pose.stated else None
             yield mode.name, pose_name, partial(_measure_in_pose, request, linked, mode, pose)
 
 
@@ -105,8 +104,8 @@ def _poses(request: EmitRequest, linked: LinkedTest, mode: LinkedMode) -> list[N
     by_name = {pose.name: pose for pose in assembly.poses}
     if linked.test.every_pose:
         robot = next(robot for robot in request.robots if robot.mode.name == mode.name)
-        return [by_name[frame.name] for frame in robot.keyframes] or [starting_pose(assembly, mode)]
-    return [starting_pose(assembly, mode) if name is None else by_name[name] for name in linked.test.poses]
+        return [by_name[frame.name] for frame in robot.keyframes] or [assembly.start_pose(mode)]
+    return [assembly.start_pose(mode) if name is None else by_name[name] for name in linked.test.poses]
 
 
 def _measure_in_pose(request: EmitRequest, linked: LinkedTest, mode: LinkedMode, pose: NamedPose) -> Outcome:

@@ -19,7 +19,7 @@ from thingc.model.assembly.interfaces import check_declared, check_expectations,
 from thingc.model.assembly.kinematics import forward_kinematics, neighbourhood, on_loops
 from thingc.model.assembly.links import connected_components, links_between, links_of
 from thingc.model.assembly.mates import check_loops, mates_of, stated_joints
-from thingc.model.assembly.modes import added_of, adhesions_of, check_poses, exported_of, modes_of, raw_of
+from thingc.model.assembly.modes import add_start_pose, added_of, adhesions_of, check_poses, exported_of, modes_of, raw_of
 from thingc.model.assembly.names import names_of
 from thingc.model.assembly.part_instances import PartInstances
 from thingc.model.assembly.plausibility import check_plausible
@@ -86,11 +86,13 @@ def link(
         if not instances.unknown and not unmodelled:
             _say_apart(tree, at)
         return None
-    robot = replace(robot, tendons=tuple(set_rest_length(tendon, robot.occurrences, at, findings) for tendon in robot.tendons))
+    modes, poses = add_start_pose(robot.modes, model.poses, joints, names.poses.values() if names is not None else ())
+    tendons = tuple(set_rest_length(tendon, robot.occurrences, at, findings) for tendon in robot.tendons)
+    robot = replace(robot, modes=modes, tendons=tendons)
     if findings.failed:
         return None
     assembly = Assembly(
-        **asdict(robot), name=model.name, definition=model, base=base, rest=tuple(at[index] for index in range(count)), poses=model.poses,
+        **asdict(robot), name=model.name, definition=model, base=base, rest=tuple(at[index] for index in range(count)), poses=poses,
         raw=tuple(raw_of(tree)), added=added_of(tree), tests=tests, names=names,
     )
     check_plausible(tree, assembly)

@@ -46,6 +46,28 @@ def modes_of(tree: Tree, occurrences: Sequence[Occurrence], link_of: Sequence[in
     return tuple(mode for mode in linked if mode is not None)
 
 
+def add_start_pose(
+    modes: tuple[LinkedMode, ...], poses: tuple[NamedPose, ...], joints: Sequence[JointEdge], file_names: Collection[str],
+) -> tuple[tuple[LinkedMode, ...], tuple[NamedPose, ...]]:
+    """Return all modes and poses. If joints are not at 0 although no pose sets a joint, modes without a pose start in an additional pose.
+
+    These joints mimic others with an offset. `file_names` contains names of poses in output files.
+    """
+    unposed = [mode for mode in modes if mode.pose is None]
+    if not unposed or not any(coordinates(joints, {}).values()):
+        return modes, poses
+    start = NamedPose(
+        name=unused_pose_name({*file_names, *(pose.name for pose in poses)}), values={}, origins={}, origin=unposed[0].origin, stated=False,
+    )
+    posed = (replace(mode, pose=start.name, poses=(start.name, *mode.poses)) if mode.pose is None else mode for mode in modes)
+    return tuple(posed), (*poses, start)
+
+
+def unused_pose_name(used: Collection[str]) -> str:
+    """Return a name for a start pose that is not in `used`: `start`, `start_2` and so on."""
+    return next(name for k in range(1, len(used) + 2) if (name := f"start_{k}" if k > 1 else "start") not in used)
+
+
 def _mode(tree: Tree, mode: Mode, occurrences: Sequence[Occurrence], link_of: Sequence[int]) -> LinkedMode | None:
     root = mount_of(tree, tree.top, mode.root)
     pairs = dict.fromkeys(

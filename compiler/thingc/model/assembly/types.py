@@ -530,6 +530,11 @@ class Assembly(Connected):
     names: FileNames | None = None
     free_joint: JointPath = "root"
 
+    def start_pose(self, mode: LinkedMode) -> resolved.NamedPose:
+        """Return the pose in which a mode starts. If it is not in `poses`, all joints start at 0."""
+        at_zero = resolved.NamedPose(name="at_zero", values={}, origins={}, origin=mode.origin, stated=False)
+        return next((pose for pose in self.poses if pose.name == mode.pose), at_zero)
+
     def in_target(self, target: str) -> Assembly:
         """Return the assembly with the shapes that the document selects for a format, without the omitted levels of detail."""
         omitted = self.definition.omitted

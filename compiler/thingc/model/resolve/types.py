@@ -451,13 +451,15 @@ class NamedPose(OneLineRepr, FrozenStruct):
 
     The pose maps each joint path (`hand/finger`) to the position q [rad or m] and to the location of the value in the document.
 
-    Joints that are not in the pose are at 0.
+    Joints that are not in the pose are at 0, or follow the joints that they mimic. `stated` is False for a pose that the document does not
+    contain, in which modes without a pose start.
     """
 
     name: PoseName
     values: dict[JointPath, float]
     origins: dict[JointPath, Origin]
     origin: Origin
+    stated: bool = True
 
 
 class NamedMotion(OneLineRepr, FrozenStruct):

@@ -53,7 +53,7 @@ def stand(assembly: Assembly, mesh_vertices: MeshVertices | None, report: Report
 
 def _with_height(assembly: Assembly, mode: LinkedMode, mesh_vertices: MeshVertices | None, report: Report, memo: Memo) -> LinkedMode:
     by_name = {pose.name: pose for pose in assembly.poses}
-    start = _height(assembly, mode, by_name.get(mode.pose or ""), mesh_vertices, memo)
+    start = _height(assembly, mode, assembly.start_pose(mode), mesh_vertices, memo)
     if start is None:
         if all(occurrence.exact for occurrence in assembly.occurrences):
             report.add(
@@ -64,7 +64,7 @@ def _with_height(assembly: Assembly, mode: LinkedMode, mesh_vertices: MeshVertic
     at_in: dict[str, Pose] = {}
     if mode.base == "free" and not mode.holds:
         for name in mode.poses:
-            height = start if name == mode.pose else _height(assembly, mode, by_name.get(name), mesh_vertices, memo)
+            height = start if name == mode.pose else _height(assembly, mode, by_name[name], mesh_vertices, memo)
             at_in[name] = _set_height(mode.at, start if height is None else height)
     return replace(mode, at=_set_height(mode.at, start), at_in=at_in | mode.at_in)
 
@@ -74,10 +74,10 @@ def _set_height(at: Pose, height: float) -> Pose:
     return replace(at, translation=(x, y, height))
 
 
-def _height(assembly: Assembly, mode: LinkedMode, pose: NamedPose | None, mesh_vertices: MeshVertices | None, memo: Memo) -> float | None:
+def _height(assembly: Assembly, mode: LinkedMode, pose: NamedPose, mesh_vertices: MeshVertices | None, memo: Memo) -> float | None:
     """Compute the height z [m] of the root in a pose for which the robot touches the floor.
 
-    If `pose` is None, all joints are at 0. Return None if there are no collision shapes.
+    Return None if there are no collision shapes.
     """
     start = assembly.link_of[mode.root.occurrence]
     on_plane = root_pose(assembly, replace(mode, at=_set_height(mode.at, 0.0)))
@@ -86,13 +86,12 @@ def _height(assembly: Assembly, mode: LinkedMode, pose: NamedPose | None, mesh_v
     poses = [link_poses[link] @ inner for link, inner in zip(assembly.link_of, in_link(assembly)) if link in link_poses]
     if len(poses) < len(assembly.occurrences):
         return None
-    place = (mode.name, pose.name if pose is not None else None)
-    lowest = _lowest(list(zip(assembly.occurrences, poses, strict=True)), place, mesh_vertices, memo)
+    lowest = _lowest(list(zip(assembly.occurrences, poses, strict=True)), (mode.name, pose.name), mesh_vertices, memo)
     return None if lowest == inf else round(-lowest, DECIMALS) + 0.0
 
 
 def _lowest(
-    parts: Sequence[tuple[Occurrence, Pose]], place: tuple[str, str | None], mesh_vertices: MeshVertices | None, memo: Memo,
+    parts: Sequence[tuple[Occurrence, Pose]], place: tuple[str, str], mesh_vertices: MeshVertices | None, memo: Memo,
 ) -> float:
     """Return the smallest z coordinate [m] of all collision shapes in the world. If there are no collision shapes, return infinity.
 

@@ -102,26 +102,18 @@ def _check_cuts(assembly: Assembly, mode: LinkedMode, tree_mates: Collection[int
 
 def _start_body_poses(assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], memo: Memo) -> tuple[Pose, ...]:
     """Close the loops of joints in the start pose of the mode (by default all joints at 0), and return the poses of all bodies."""
-    pose = next((pose for pose in assembly.poses if pose.name == mode.pose), None)
-    return placed_bodies(bodies, closed_coordinates(assembly, pose, memo), bodies[0].X_PL)
+    return placed_bodies(bodies, closed_coordinates(assembly, assembly.start_pose(mode), memo), bodies[0].X_PL)
 
 
-def closed_coordinates(assembly: Assembly, pose: NamedPose | None, memo: Memo) -> dict[str, float]:
+def closed_coordinates(assembly: Assembly, pose: NamedPose, memo: Memo) -> dict[str, float]:
     """Close the kinematic loops of an assembly as far as possible, beginning with a pose.
 
-    Return the positions [rad or m] of all joints by path.
-
-    If `pose` is None, all joints start at 0.
-
-    `memo` caches results.
+    Return the positions [rad or m] of all joints by path. `memo` caches results.
     """
-    values = pose.values if pose is not None else {}
-    q = coordinates(joints_of(assembly), values)
-    loops = _doc_loops(assembly, memo)
+    q, loops = coordinates(joints_of(assembly), pose.values), _doc_loops(assembly, memo)
     if loops is None:
         return q
-    place = ("closed", None, None if pose is None else pose.name)
-    return memo(place, close_pose, loops, SolverState(q=q, base=NO_POSE), frozenset(values), False).state.q
+    return memo(("closed", None, pose.name), close_pose, loops, SolverState(q=q, base=NO_POSE), frozenset(pose.values), False).state.q
 
 
 def _doc_loops(assembly: Assembly, memo: Memo) -> Loops | None:
@@ -144,8 +136,8 @@ def keyframes_of(
     For each pose whose loops close, return a keyframe with the positions of all joints. Also return the poses whose loops do not close.
 
     To close the loops, the solver first moves a free base, then the joints that the pose does not contain. The joints in the pose move only
-    if this is not sufficient. If the loops do not close in the start pose of the mode, or in any pose, report an error and return None.
-    `memo` caches results.
+    if this is not sufficient. If the loops do not close in the start pose that the document specifies, or in any pose, report an error and
+    return None. `memo` caches results.
     """
     joints = joints_of(assembly)
     by_name = {pose.name: pose for pose in assembly.poses}
@@ -169,14 +161,16 @@ def keyframes_of(
         moved = _movements(loops, start, solution, following - pose.values.keys()) if solution.closed else {}
         if not solution.closed:
             failed.append(solution)
-        if not solution.closed or (pose.name != mode.pose and any(abs(moved.get(c.path, 0.0)) > FAR * c.unit for c in loops.coordinates)):
-            closure, residual = _worst(loops, solution)
-            unclosed.append(Unclosed(name=pose.name, path=closure.path, residual=residual, origin=pose.origin, moved=moved))
-        else:
+        is_far = (pose.name != mode.pose or not pose.stated) and any(abs(moved.get(c.path, 0.0)) > FAR * c.unit for c in loops.coordinates)
+        if solution.closed and not is_far:
             base = solution.state.base if base_moves else root_at.get(pose.name)
             keyframes.append(Keyframe(
-                name=pose.name, q=solution.state.q, origin=pose.origin, base=base, moved=moved, residual=solution.residual,
+                name=pose.name, q=solution.state.q, origin=pose.origin, base=base, moved=moved if pose.stated else {},
+                residual=solution.residual,
             ))
+        elif pose.stated:
+            closure, residual = _worst(loops, solution)
+            unclosed.append(Unclosed(name=pose.name, path=closure.path, residual=residual, origin=pose.origin, moved=moved))
     start_failure = next((pose for pose in unclosed if pose.name == mode.pose), None)
     best = None if len(failed) < len(poses) else memo(("failed", of_mode), closest_failure, loops, tuple(failed), base_moves)
     if start_failure is None and best is None:

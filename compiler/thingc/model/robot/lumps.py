@@ -71,8 +71,8 @@ def _lump(
     robot = root(assembly, assembly.modes[0], report) if assembly is not None else None
     if assembly is None or robot is None:
         return None
-    base, start = unplaced_components(nested)[0], robot.start
-    poses = occurrence_poses(robot, {} if start is None else start.q)  # the base is fixed at the origin of the world
+    base = unplaced_components(nested)[0]
+    poses = occurrence_poses(robot, robot.start.q)  # the base is fixed at the origin of the world
     body = total(one.properties.seen_from(pose) for one, pose in zip(assembly.occurrences, poses, strict=True))
     estimated = any(one.mass_source == "estimated" for one in assembly.occurrences)
 

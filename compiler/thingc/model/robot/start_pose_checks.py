@@ -39,7 +39,7 @@ def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, re
     Warn of modes in which the robot should stand on the plane but starts with a part below the plane. The root of a `fixed` base may extend
     into the ground, unless the whole root is below the plane. If `mesh_vertices` is None, only bounding boxes are known. The computed depth
     is then a lower bound, because a part touches every side of its bounding box. Also warn of modes in which a part is lower than the feet,
-    and of poses that loop closure changes. Another warning is for modes without a start pose if 0 is outside the limits of a joint.
+    and of poses that loop closure changes. Another warning is for modes without a start pose if a joint starts outside its limits.
     """
     _check_feet(robots, report)
     _check_limits(robots, report)
@@ -135,26 +135,29 @@ def _under_feet(robot: Robot) -> tuple[int, float] | None:
 
 
 def _check_limits(robots: Sequence[Robot], report: Report) -> None:
-    """Warn of each mode that does not specify a start pose although 0 is outside the limits of a joint.
+    """Warn of each mode that does not specify a start pose although the start of a joint is outside its limits.
 
     Joints whose positions are determined by loops or holds are not checked.
     """
     for paths, group in _group(robots, Code.START_LIMITS, report, _outside_limits).items():
         first, *more = (joint for body in group[0].bodies for joint in body.joints if joint.path in paths)
+        q = group[0].start.q[first.path]
         ends = [first.twist.format(end) for end in (first.limit.lower, first.limit.upper) if end is not None]
         _warn(
-            group, Code.START_LIMITS, f"starts with `{first.path}` at 0, outside its limits ({' to '.join(ends)})",
+            group, Code.START_LIMITS,
+            f"starts with `{first.path}` at {first.twist.format(q) if q else 0}, outside its limits ({' to '.join(ends)})",
             first.path, first.origin, report, more=[joint.path for joint in more[:3]],
-            help=f"add a `pose` with a value for `{first.name}` to the mode",
+            help=f"add a `pose` with a value for `{first.name if first.mimic is None else first.mimic.joint}` to the mode",
         )
 
 
 def _outside_limits(robot: Robot) -> tuple[str, ...] | None:
-    """Return the paths of the joints of a mode without a start pose whose limits do not contain 0, or None."""
-    if not robot.mode.stated or robot.mode.pose is not None or robot.closures:
+    """Return the paths of the joints of a mode without a start pose whose limits do not contain their start, or None."""
+    if not robot.mode.stated or robot.assembly.start_pose(robot.mode).stated or robot.closures:
         return None
-    free = (joint for body in robot.bodies for joint in body.joints if joint.mimic is None)
-    return tuple(joint.path for joint in free if not joint.limit.contains(0.0)) or None
+    q = robot.start.q
+    checked = (joint for body in robot.bodies for joint in body.joints if joint.mimic is None or q[joint.path])
+    return tuple(joint.path for joint in checked if not joint.limit.contains(q[joint.path])) or None
 
 
 def _check_poses(robots: Sequence[Robot], report: Report) -> None:
@@ -204,7 +207,7 @@ def _lowest(robot: Robot, spheres: Sequence[float], mesh_vertices: MeshVertices 
 
 def _start_poses(robot: Robot) -> Sequence[Pose]:
     """Return the poses of the bodies in the world at the start of the mode."""
-    return body_poses(robot, robot.start.q, robot.start.base) if robot.start is not None else body_poses(robot, {})
+    return body_poses(robot, robot.start.q, robot.start.base)
 
 
 def _visible_parts(assembly: Assembly, link: Link, at: Pose) -> Iterator[tuple[Occurrence, Box, Pose]]:

@@ -12,6 +12,7 @@ from thingc.base.joints.twist import Twist
 from thingc.base.one_line_repr import OneLineRepr
 from thingc.base.pose import Pose, Vector
 from thingc.base.source import Origin
+from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.types import Assembly, JointEdge, LinkedMode
 
 
@@ -197,9 +198,10 @@ class Robot(OneLineRepr, FrozenStruct):
         return tuple(tendon.path for tendon in driven if self.mode.has_drive(tendon.path))
 
     @property
-    def start(self) -> Keyframe | None:
-        """The keyframe in which the mode starts, or None if all joints start at 0."""
-        return next((frame for frame in self.keyframes if frame.name == self.mode.pose), None)
+    def start(self) -> Keyframe:
+        """The state in which the mode starts. In modes without a start pose, all joints start at 0, and the name is empty."""
+        frame = next((frame for frame in self.keyframes if frame.name == self.mode.pose), None)
+        return frame or Keyframe(name="", q=coordinates(joints_of(self.assembly), {}), origin=self.mode.origin)
 
     @property
     def carriers(self) -> tuple[int, ...]:

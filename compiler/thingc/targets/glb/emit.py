@@ -24,7 +24,6 @@ from thingc.base.pose import Pose, along, make_translation
 from thingc.base.primitives import Primitive
 from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Store
-from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.types import Surface
 from thingc.model.robot.types import Body, Robot
 from thingc.targets.artifact import Artifacts, Loss
@@ -94,17 +93,15 @@ class _Node(FrozenStruct):
 
 def _nodes(robot: Robot) -> Iterator[_Node]:
     """Yield the nodes of the glTF scene for a robot in the start pose of its mode. Each node comes after its parent."""
-    assembly = robot.assembly
-    frame = robot.start
-    q = coordinates(joints_of(assembly), frame.q if frame is not None else {})
+    assembly, frame = robot.assembly, robot.start
     names = [assembly.links[body.link].name for body in robot.bodies]
     top = f"{robot.name}_{robot.mode.name}:world"
     yield _Node(name=top, parent="", pose=Y_UP)
     for body, name in zip(robot.bodies, names, strict=True):
         parent, pose = (top if body.parent is None else names[body.parent]), body.X_PL
-        if body.parent is None and frame is not None and frame.base is not None:
+        if body.parent is None and frame.base is not None:
             pose = frame.base
-        for node in _joints(robot, body, parent, pose, q):
+        for node in _joints(robot, body, parent, pose, frame.q):
             yield node
             parent = node.name
         if body.parent is not None and body.joints:

@@ -212,7 +212,6 @@ def _mount(mount: LinkedMount) -> Data:
 
 def _mode(robot: Robot, places: _SourceLocations) -> Data:
     mode = robot.mode
-    start = robot.start
     return {
         "name": mode.name, "root": _mount(mode.root),
         "base": robot.base, "at": _rows(mode.at), "gravity": robot.gravity,
@@ -221,7 +220,7 @@ def _mode(robot: Robot, places: _SourceLocations) -> Data:
         "feet": [_mount(foot.mount) for foot in mode.feet],
         "adhesion": {path: force for path, force in robot.adhesion.items() if force > 0.0},
         "driven": robot.present,
-        "start": start.name if start is not None else None,
+        "start": robot.start.name or None,
         "poses": [_pose(robot, frame) for frame in robot.keyframes],
         "unclosed": [pose.name for pose in robot.unclosed],
         **places.location(mode.origin),

@@ -11,7 +11,7 @@ from thingc.base.numeric import formatter
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import ActuatorModel
 from thingc.model.robot.types import Robot
-from thingc.targets.ros.joints import MovingJoint, joints, start, values
+from thingc.targets.ros.joints import MovingJoint, joints, values
 from thingc.targets.urdf.transmissions import control_transmission, coupled_transmissions, simple_transmission
 from thingc.targets.xml_writer import Element
 
@@ -45,7 +45,7 @@ def ros2_control(robot: Robot) -> Element | None:
     of a drive are written as parameters, for hardware that closes its own control loop. Controllers command joints; a `<transmission>`
     contains the ratio with which hardware converts these commands to commands of its actuators.
     """
-    moving, initial = joints(robot), values(robot, start(robot))
+    moving, initial = joints(robot), values(robot, robot.start.q)
     if not moving:
         return None
     block = Element(tag="ros2_control", attributes={"name": robot.assembly.name, "type": "system"}, origin=robot.mode.origin)

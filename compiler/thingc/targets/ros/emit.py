@@ -17,7 +17,7 @@ from thingc.targets.request import EmitRequest
 from thingc.targets.ros.capabilities import CAPABILITIES
 from thingc.targets.ros.collision_matrix import CollisionMatrix, adjacent, collision_matrix
 from thingc.targets.ros.control import controllers, controllers_yaml, ros2_control
-from thingc.targets.ros.joints import start, values
+from thingc.targets.ros.joints import values
 from thingc.targets.ros.rviz import frame_of, launch_file, rviz_config
 from thingc.targets.ros.srdf import srdf
 from thingc.targets.urdf.links import MESHES, model
@@ -91,7 +91,7 @@ def _collision_matrices(
     matrix_losses: list[Loss] = []
     for group in groups.values():
         first, tree = group[0]
-        starts = {robot.mode.name: values(first, start(robot)) for robot, _ in group}
+        starts = {robot.mode.name: values(first, robot.start.q) for robot, _ in group}
         try:
             matrix = collision_matrix(tree, uri, geometry.meshes, starts, adjacent(request.assembly), request.store)
         except ValueError:

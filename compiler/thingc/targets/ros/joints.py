@@ -88,11 +88,6 @@ def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:
     return result
 
 
-def start(robot: Robot) -> Mapping[str, float]:
-    """Return the value of each joint of the document in the start pose of a mode, by path. Joints that the start pose omits are at 0."""
-    return robot.start.q if robot.start is not None else {}
-
-
 def _lead(robot: Robot, body: Body) -> tuple[TreeJoint, ...]:
     """Return the joint coordinates that move a body relative to its parent. The root link is moved by the coordinates of the base."""
     return robot.moves if body.parent is None else body.joints

@@ -9,7 +9,7 @@ from importlib import resources
 from thingc.model.robot.types import Robot
 from thingc.targets.name_mangling import package_name, safe
 from thingc.targets.ros.control import BROADCASTER, Controller
-from thingc.targets.ros.joints import start, values
+from thingc.targets.ros.joints import values
 from thingc.targets.urdf.links import WORLD
 
 
@@ -46,7 +46,7 @@ def _mode(robot: Robot, controllers: list[str]) -> str:
     """Return the entry of a mode in the launch file. The entry contains the fixed frame, the start values of joints [rad or m], and the
     controllers.
     """
-    joints = "".join(f'            "{name}": {value + 0.0},\n' for name, value in values(robot, start(robot)).items())
+    joints = "".join(f'            "{name}": {value + 0.0},\n' for name, value in values(robot, robot.start.q).items())
     start_values = f"{{\n{joints}        }}" if joints else "{}"
     quoted_names = ", ".join(f'"{name}"' for name in controllers)
     return f"""\

@@ -209,7 +209,7 @@ class _Reader:
         for mode in definition.modes:
             if mode.stated:
                 self._mode(definition, mode)
-        for pose in assembly.poses:
+        for pose in definition.poses:
             self._add("pose", pose.name, {
                 path: self._make_fact(value, pose.origins.get(path, ())) for path, value in pose.values.items()
             }, span=pose.origin[0])

@@ -32,7 +32,8 @@ def _start(naming: DocumentNaming) -> tuple[dict[str, str], str | None]:
 
     begins = {joint: joint.start for joint in moving if joint.start}
     begins |= {joint: round((lower + upper) / 2.0, 6) if joint.begin is None else joint.begin for joint, (lower, upper) in outside.items()}
-    usable_poses = (naming.poses[state.name] for state in naming.robot.poses if begins and fits(state))
+    apart = any(joint.follows.at(0.0) for joint in naming.moving if joint.follows is not None)  # these joints do not start at q = 0
+    usable_poses = (naming.poses[state.name] for state in naming.robot.poses if (begins or apart) and fits(state))
     starts = {naming.joints[one.name]: (angle if one.kind in TURNS else length)(value) for one, value in begins.items()}
     return starts, next(usable_poses, None)
 
@@ -49,7 +50,7 @@ def mode_sections(naming: DocumentNaming, roots: Sequence[str]) -> dict[str, Ite
     naming.places |= {("poses", naming.poses[one.name]): one.where for one in naming.robot.poses}
     if start and pose_of_source is None:
         poses.append(f"  {start_pose}: {flow(start)}  # from the source")
-    return {"poses": poses, "modes": _modes(naming, roots, f", pose: {start_pose}" if start else "")}
+    return {"poses": poses, "modes": _modes(naming, roots, f", pose: {start_pose}" if start or pose_of_source else "")}
 
 
 def _modes(naming: DocumentNaming, roots: Sequence[str], begin: str) -> Iterator[str]:

@@ -47,7 +47,7 @@ def driven_joints(robot: Robot, name: Callable[[TreeJoint], str], motions: froze
 
 def start(robot: Robot, joint: TreeJoint) -> float:
     """Return the position of a joint [rad or m] in the start pose of the mode."""
-    return 0.0 if robot.start is None else robot.start.q.get(joint.path, 0.0)
+    return robot.start.q.get(joint.path, 0.0)
 
 
 def by_pattern(values: Mapping[str, float], *, complete: bool) -> dict[str, float]:

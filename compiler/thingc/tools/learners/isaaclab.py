@@ -65,7 +65,7 @@ def _base(robot: Robot) -> Mapping[str, object]:
     """Return the initial pose of a free base, with the quaternion x, y, z, w of Isaac Lab 3. The USD file places any other base."""
     if robot.base != "free":
         return {}
-    pose = robot.bodies[0].X_PL if robot.start is None or robot.start.base is None else robot.start.base
+    pose = robot.start.base or robot.bodies[0].X_PL
     w, x, y, z = pose.quaternion()
     return {"pos": pose.translation, "rot": (x, y, z, w)}
 

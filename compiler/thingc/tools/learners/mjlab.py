@@ -99,7 +99,7 @@ def _base(robot: Robot) -> Mapping[str, object]:
     """Return the initial pose of a base that mjlab places, with the quaternion w, x, y, z. Any other base has the pose of the model."""
     if robot.base not in ("free", "held"):
         return {}
-    pose = robot.bodies[0].X_PL if robot.start is None or robot.start.base is None else robot.start.base
+    pose = robot.start.base or robot.bodies[0].X_PL
     return {"pos": pose.translation, "rot": pose.quaternion()}
 
 

@@ -13,7 +13,7 @@ from thingc.base.progress import Progress, ProgressCounter
 from thingc.base.suggestions import did_you_mean
 from thingc.driver.pipeline import UnknownChoice
 from thingc.driver.testing.collisions import Collisions, names_of
-from thingc.driver.testing.poses import joints_text, keyframe, pose_robot, starting_pose
+from thingc.driver.testing.poses import joints_text, keyframe, pose_robot
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import JointEdge
 from thingc.model.resolve.types import JointRange
@@ -173,7 +173,7 @@ def posed_robot(robot: Robot, pose_name: str | None) -> tuple[Robot, Keyframe]:
     poses = {pose.name: pose for pose in robot.assembly.poses}
     if pose_name is not None and pose_name not in poses:
         raise UnknownChoice(f"there is no pose `{pose_name}`", did_you_mean(pose_name, list(poses), what="poses"))
-    pose = poses[pose_name] if pose_name is not None else starting_pose(robot.assembly, robot.mode)
+    pose = poses[pose_name] if pose_name is not None else robot.assembly.start_pose(robot.mode)
     placed = pose_robot(robot.assembly, robot.mode, [pose])
     frame = keyframe(placed, pose) if placed is not None else None
     if placed is None or frame is None:

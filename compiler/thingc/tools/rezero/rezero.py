@@ -190,11 +190,11 @@ def _compare(document: Document, old: Compilation, new: Compilation, shift: Join
 
 def _states(one: Robot, other: Robot, shift: JointShift, moved: Sequence[str]) -> Iterator[tuple[str, State, State | None]]:
     """Yield equal states of the old and the new robot: poses by name, the start, and random configurations."""
-    frames = {frame.name: (frame.q, frame.base) for frame in other.keyframes}
-    for frame in one.keyframes:
-        yield frame.name, (frame.q, frame.base), frames.get(frame.name)
-    if one.start is None and other.start is not None:
-        yield "", ({}, None), (other.start.q, other.start.base)
+    frames = {frame.name: frame for frame in other.keyframes} | {one.start.name: other.start}
+    for frame in (one.start, *one.keyframes):
+        if frame != one.start or one.mode.stated:
+            after = frames.get(frame.name)
+            yield frame.name, (frame.q, frame.base), None if after is None else (after.q, after.base)
     draw = random.Random(0)
     for _ in range(CONFIGURATIONS):
         q = {joint.path: draw.uniform(-1.0, 1.0) for joint in joints_of(one.assembly) if joint.mimic is None}

@@ -15,6 +15,7 @@ from thingc.base.source import Document, Path, ScalarNode, SequenceNode, Span, e
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import Dimension, UnitError
 from thingc.documents.format.value_edits import Keys
+from thingc.model.assembly.modes import unused_pose_name
 from thingc.model.resolve.references import GLOB
 from thingc.model.resolve.types import AssemblyDefinition, Joint
 from thingc.tools.calibration.calibration import CalibratedJoint
@@ -233,7 +234,7 @@ class ShiftEdits:
                 yield from self._new(("poses", pose, key if matches_only_these and key else name), old)
         starts = [mode.name for mode in self.model.modes if mode.stated and mode.pose is None]
         if self.shift.zero.value and starts:
-            pose = next(name for k in range(1, len(poses) + 2) if (name := f"start_{k}" if k > 1 else "start") not in poses)
+            pose = unused_pose_name(poses)
             yield from ((("poses", pose, name), self._text(self.shift.zero)) for name in self.names)
             yield from ((("modes", mode, "pose"), pose) for mode in starts)
 

@@ -8,7 +8,7 @@ from thingc.base.diagnostics import Code, Note
 from thingc.base.units import LENGTH
 from thingc.documents.checks.reach import KIND, ReachCheck
 from thingc.driver.testing.outcomes import Outcome, TestCase, TestMeasurement, check_bounds, open_loops_outcome
-from thingc.driver.testing.poses import joints_text, pose_robot, starting_pose
+from thingc.driver.testing.poses import joints_text, pose_robot
 from thingc.driver.testing.reach_search import farthest
 
 
@@ -20,7 +20,7 @@ def measure(case: TestCase, check: ReachCheck) -> Outcome:
     """
     assembly = case.robot.assembly
     mode = replace(assembly.modes[0], holds=(), cut=(), pose=None, base="fixed")
-    robot = pose_robot(assembly, mode, [starting_pose(assembly, mode)])
+    robot = pose_robot(assembly, mode, [assembly.start_pose(mode)])
     if robot is None:
         return open_loops_outcome()
     best, joints = farthest(robot, case.linked.mounts[check.of], case.linked.mounts[check.base], case.linked.test.origin)

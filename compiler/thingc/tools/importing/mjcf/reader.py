@@ -141,10 +141,15 @@ class _Reader:
 
         If the source has no keyframes, also record a loss for each joint whose start value changes.
         """
-        for joint in (joint for one in attachments for joint in one.joints if not posed and joint.follows is None):
-            if joint.begin is not None and abs(joint.begin - joint.start) > _ALIKE:
+        joints = {joint.name: joint for one in attachments for joint in one.joints}
+        for joint in joints.values() if not posed else ():
+            begin, reason = joint.begin, "the value is outside the limits"
+            if joint.follows is not None:
+                begin = joint.follows.at(joints[joint.follows.joint].begin or 0.0)
+                reason = f"the joint mimics `{joint.follows.joint}`"
+            if begin is not None and abs(begin - joint.start) > _ALIKE:
                 description = f"the start position of joint `{joint.name}`, {joint.start:g}"
-                self.original.losses.note(description, f"the value is outside the limits ({joint.begin:g} is used)", joint.where)
+                self.original.losses.note(description, f"{reason} ({begin:g} is used)", joint.where)
         sensed |= {one.name for one in added.elements if one.section == "sensor"}
         self._lose_indices("data.ctrl", [1] * self.model.nu, sorted(added.kept["actuator"]))
         self._lose_indices("data.sensordata", self.model.sensor_dim, [k for k, name in self.original.sensors.items() if name in sensed])
