@@ -240,6 +240,10 @@ WRONG = {
     "--mode adrift --pose x": "mode `adrift` of `assemblies/arm.yaml` has no pose `x`\n"
     "  help: known poses: `folded`, `home`, `stretched`, `writing`",
     "--mounts-of hnd.cap": "there is no component `hnd.cap`\n  help: did you mean `hand/cap`?",
+    "--position elbw=1deg": "`arm` has no joint `elbw`\n  help: did you mean `elbow`?",
+    "--position elbow=1mm": "--position: expected an angle (such as 30 deg), found a length (`1mm`)\n"
+    "  help: write, for example, 'elbow=90 deg'",
+    "--position elbow": "expected --position JOINT=POSITION, found `elbow`\n  help: write, for example, --position 'elbow=90 deg'",
     "--size 640": "--size: expected WIDTHxHEIGHT from 16x16 to 8192x8192, found `640`\n  help: run `thingc render --help` for usage",
     "--size 8x8": "--size: expected WIDTHxHEIGHT from 16x16 to 8192x8192, found `8x8`\n  help: run `thingc render --help` for usage",
     "--azimuth north": "--azimuth: expected degrees from -360 to 360, found `north`\n  help: run `thingc render --help` for usage",
@@ -261,6 +265,46 @@ def test_invalid_command_lines(
     said = capsys.readouterr()
     assert said.out == ""
     assert re.sub(r"^\w+ parts: .*\n", "", said.err, flags=re.MULTILINE) == f"error[{code}]: {WRONG[words]}\n\n1 error\n"
+
+
+FINGERS = """\
+thingc: assembly/1
+name: fingers
+components:
+  base: {link: true, shapes: [{box: 100 100 20 mm}], mounts: {hinge: {xyz: 0 0 10 mm, rpy: -90 0 0 deg}}}
+  upper: {link: true, mass: 1 kg, shapes: [{box: 10 10 80 mm}], mounts: {hinge: {xyz: 0 0 40 mm, rpy: -90 0 0 deg}}}
+  lower: {link: true, mass: 1 kg, shapes: [{box: 10 10 60 mm}]}
+joints:
+  shoulder: {type: continuous, parent: base.hinge, child: upper.origin}
+  elbow: {type: continuous, parent: upper.hinge, child: lower.origin, MIMIC}
+POSES
+"""
+
+
+@pytest.mark.parametrize(("mimic", "poses", "words", "expected"), [
+    ("", "", ["elbow=-20 deg"], [0.0, -20.0]),
+    ("", "poses: {bent: {shoulder: 10 deg, elbow: 40 deg}, other: {}}", ["elbow=-20deg"], [10.0, -20.0]),
+    ("mimic: {joint: shoulder, multiplier: 2}", "poses: {bent: {shoulder: 10 deg}}", ["shoulder=0.5 rad"], [28.64789, 57.29578]),
+])
+def test_positions_replace_those_of_the_pose(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mimic: str, poses: str, words: list[str], expected: list[float],
+) -> None:
+    """Read with MuJoCo."""
+    (tmp_path / "fingers.yaml").write_text(FINGERS.replace(", MIMIC", f", {mimic}" if mimic else "").replace("POSES", poses))
+    drawn: list[list[float]] = []
+
+    def picture(xml: str, assets: dict[str, bytes], *, pose: str, **_: object) -> bytes:
+        drawn.append(pose_model(mujoco.MjModel.from_xml_string(xml, assets), pose).qpos.tolist())
+        return b""
+
+    monkeypatch.setattr(render, "ready", lambda: None)
+    monkeypatch.setattr(render, "picture", picture)
+    options = [word for setting in words for word in ("--position", setting)]
+    assert main(["render", str(tmp_path / "fingers.yaml"), *options, "-o", str(tmp_path / "fingers.png")]) == 0
+    assert np.degrees(drawn[0]) == pytest.approx(expected, abs=1e-4)
+    if mimic:
+        ran = thingc_here("render", str(tmp_path / "fingers.yaml"), "--position", "elbow=1 deg", store=tmp_path, cwd=tmp_path)
+        assert ran.code == 2 and "joint `elbow` mimics `shoulder`\n  help: set `shoulder`" in ran.err
 
 
 def test_rendering_is_deterministic_and_checks_its_target(

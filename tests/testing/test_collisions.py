@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 import shutil
 import time
 from pathlib import Path
@@ -12,11 +14,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from testing.rig import HEAD, SLIDERS, Workspace
+from thingc.base.diagnostics import shown_path
 from thingc.base.pose import Pose
 from thingc.base.primitives import Primitive, PrimitiveShape
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Surface
 from thingc.model.solids.shapes import solid_of
+from thingc.targets.render.picture import pose_model
+from thingc.tools.cli import render
+from thingc.tools.cli.main import main
 
 
 @pytest.mark.parametrize(("pose", "gap", "passes"), [
@@ -48,7 +54,26 @@ def test_insufficient_clearance_is_reported_with_the_gap(rig: Workspace) -> None
     assert said["code"] == "TC655" and said["line"] == (rig.folder / "rig.yaml").read_text().count("\n")
     message = "test `free` (mode `bench`, pose `close`): the gap between `left` and `right` (0.4 mm) is below the minimum (1 mm)"
     assert said["message"] == message
-    assert said["help"] == 'if this is intended, add `allow: [{pair: [left, right], reason: "..."}]`'
+    intended, _, command = said["help"].partition("; ")
+    assert intended == 'if this is intended, add `allow: [{pair: [left, right], reason: "..."}]`'
+    assert command == f"to draw this position, run `thingc render {shown_path(str(rig.folder / 'rig.yaml'))} --mode bench --pose close`"
+
+
+def test_command_in_the_help_draws_the_worst_position(rig: Workspace, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    tests = "  sweep: {no_collision: {pose: close, joints: {one: [-100 mm, 100 mm]}, samples: 101}}\n"
+    answer = rig.test(SLIDERS, tests)
+    command = re.search("run `thingc (.*)`$", answer["diagnostics"][0]["help"])
+    assert command is not None and answer["diagnostics"][0]["message"].endswith(" at one = 20 mm")
+    drawn: list[list[float]] = []
+
+    def picture(xml: str, assets: dict[str, bytes], *, pose: str, **_: object) -> bytes:
+        drawn.append(pose_model(mujoco.MjModel.from_xml_string(xml, assets), pose).qpos.tolist())
+        return b""
+
+    monkeypatch.setattr(render, "ready", lambda: None)
+    monkeypatch.setattr(render, "picture", picture)
+    assert main([*shlex.split(command[1]), "-o", str(tmp_path / "touches.png")]) == 0
+    assert drawn == [pytest.approx([0.02, 0.0204])]
 
 
 def test_box_inside_a_box_is_found(rig: Workspace) -> None:

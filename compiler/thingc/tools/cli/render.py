@@ -5,6 +5,7 @@ MuJoCo draws the picture with EGL, which requires neither a screen nor a graphic
 
   thingc render assemblies/arm.yaml                                   first mode in its start pose: arm_bench_home.png
   thingc render assemblies/arm.yaml --mode drawing --pose writing -o writing.png
+  thingc render assemblies/arm.yaml --position 'elbow=90 deg'         with the elbow in another position than in the pose
   thingc render assemblies/arm.yaml --joints --root                   with joint axes, and the frame of the root
   thingc render assemblies/arm.yaml --mounts-of hand                  with the mounts of the hand: x red, y green, z blue
   thingc render assemblies/arm.yaml --azimuth 90 --elevation -10 --size 1920x1080
@@ -26,15 +27,18 @@ from msgspec.structs import replace
 from thingc.base.diagnostics import Code, shown_path
 from thingc.base.filesystem import write_whole
 from thingc.base.suggestions import did_you_mean
+from thingc.base.units import ANGLE, LENGTH, UnitError, check_dimension, parse_quantity
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment
 from thingc.driver.pipeline import Compilation, UnknownChoice
+from thingc.driver.testing.poses import pose_robot
+from thingc.model.assembly.kinematics import joints_of
 from thingc.model.robot.types import Robot
 from thingc.targets.render.picture import Shot, picture, ready
 from thingc.tools.cli import console
 
 if TYPE_CHECKING:
-    from thingc.model.assembly.types import Assembly
+    from thingc.model.assembly.types import Assembly, JointEdge
     from thingc.targets.render.frames import Mark
 
 
@@ -43,6 +47,9 @@ COLLISION = "1 0.3 0.1 0.4"
 
 SHOT = Shot()
 """Default size and view of a picture."""
+
+MOVED = "position"
+"""Name of the pose that is shown with `--position`."""
 
 LARGEST = 8192
 """Maximum width and height of a picture [px]."""
@@ -54,6 +61,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--mode", metavar="M", help="mode to show (default: the first mode)")
     add("--pose", metavar="P", help="pose to show (default: the pose of the mode)")
+    add("--position", metavar="JOINT=POSITION", action="append", default=[], help="position of a joint in the picture (may be repeated)")
     add("-o", "--output", metavar="PNG", help="output file (default: NAME_MODE_POSE.png in the working folder)")
     add("--size", metavar="WxH", type=_size, default=SHOT.size, help="size in pixels (default: 1280x960)")
     add("--azimuth", metavar="DEG", type=_degrees(360.0), help="horizontal view direction (default: 140, or 40 with a wall)")
@@ -86,10 +94,12 @@ def check_output(path: str | None) -> None:
         raise console.WrongCommandLine(f"-o: there is no folder `{folder}`", "create the folder, or choose another folder", Code.OUTPUT)
 
 
-def _render(arguments: argparse.Namespace, environment: Environment, compilation: Compilation, _: Assembly) -> None:
+def _render(arguments: argparse.Namespace, environment: Environment, compilation: Compilation, assembly: Assembly) -> None:
     """Render the picture, and write it to a file. Raises `UnknownChoice`, `NoGraphics` and `WrongCommandLine`."""
     robot = compilation.robots[0]
     pose = _pose(robot, arguments.pose, environment.document)
+    if arguments.position:
+        robot, pose = _robot_at(assembly, robot, pose, arguments.position), MOVED
     marks = _marks(robot, arguments, next((frame.q for frame in robot.keyframes if frame.name == pose), {}))
     named = "_".join(word for word in (robot.name, robot.mode.name, pose) if word is not None)
     shot = Shot(size=arguments.size, azimuth=arguments.azimuth, elevation=arguments.elevation)
@@ -159,6 +169,31 @@ def _pose(robot: Robot, requested: str | None, document: str) -> str | None:
         message = f"mode `{robot.mode.name}` of `{shown_path(document)}` has no pose `{requested}`"
         raise UnknownChoice(message, did_you_mean(requested, known, what="poses"))
     return requested
+
+
+def _robot_at(assembly: Assembly, robot: Robot, pose: str | None, settings: Sequence[str]) -> Robot:
+    """Return a robot with the keyframe `MOVED`: the keyframe `pose`, with other positions of some joints, and with closed loops.
+
+    Raises `WrongCommandLine` for an invalid position, and `UnknownChoice` for an unknown joint.
+    """
+    joints: dict[str, JointEdge] = {joint.name: joint for joint in joints_of(assembly)}
+    form, values = "--position JOINT=POSITION", {}
+    for name, text in console.paths(settings, form, "--position 'elbow=90 deg'", "--position sets `{}` twice").items():
+        joint = joints.get(name)
+        if joint is None:
+            raise UnknownChoice(f"`{assembly.name}` has no joint `{name}`", did_you_mean(name, joints, what="joints"))
+        if joint.mimic is not None:
+            raise UnknownChoice(f"joint `{name}` mimics `{joint.mimic.joint}`", f"set `{joint.mimic.joint}`")
+        expected = (ANGLE if joint.twist.turns else LENGTH,)
+        try:
+            values[joint.path] = check_dimension(parse_quantity(text, expected), expected, text).value
+        except UnitError as fault:
+            raise console.WrongCommandLine(f"--position: {fault}", fault.help or "write, for example, 'elbow=90 deg'") from fault
+    named = next((one for one in assembly.poses if one.name == pose), None) or assembly.start_pose(robot.mode)
+    moved = pose_robot(assembly, robot.mode, [replace(named, name=MOVED, values={**named.values, **values})])
+    if moved is None or not moved.keyframes:
+        raise UnknownChoice(f"the loops of mode `{robot.mode.name}` do not close in this position", "change the position of another joint")
+    return moved
 
 
 def _size(text: str) -> tuple[int, int]:

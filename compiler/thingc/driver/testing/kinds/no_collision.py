@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import chain, product
 
-from thingc.base.diagnostics import Code, Note, Report, allow_hint, first_notes
+from thingc.base.diagnostics import Code, Note, Report, allow_hint, first_notes, shown_path
 from thingc.base.one_line_repr import format_count
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.no_collision import KIND, CollisionCheck
@@ -159,7 +160,7 @@ def _failure(
         help = f"{allow_hint(Code.OVERLAP)} in one of the two components"
     return Failure(
         code=Code.TEST_COLLISION, key="clearance" if worst_pair.gap > 0.0 else "", notes=tuple(notes),
-        message=f"{_describe_pair(assembly, worst_pair, check.clearance)}{location}", help=help,
+        message=f"{_describe_pair(assembly, worst_pair, check.clearance)}{location}", help=f"{help}; {_picture(case, check, worst_pair)}",
     )
 
 
@@ -177,6 +178,17 @@ def _describe_position(case: TestCase, check: CollisionCheck, pair: NearPair) ->
     if not check.ranges:
         return ""
     return f" at {joints_text(case.robot.assembly, {r.joint: pair.where.q[r.joint] for r in check.ranges})}"
+
+
+def _picture(case: TestCase, check: CollisionCheck, pair: NearPair) -> str:
+    """Return the command that draws the robot in the position in which a pair of components is closest."""
+    robot, pose = case.robot, pair.where.name.partition(":")[0]
+    words = ["thingc", "render", shown_path(case.linked.test.origin[0].file), "--mode", robot.mode.name]
+    words += ["--pose", pose] if any(one.name == pose for one in case.request.assembly.poses) else []
+    for joint_range in check.ranges:
+        position = joints_text(robot.assembly, {joint_range.joint: pair.where.q[joint_range.joint]})
+        words += ["--position", position.replace(" = ", "=")]
+    return f"to draw this position, run `{shlex.join(words)}`"
 
 
 MEASUREMENT = TestMeasurement(kind=KIND, measure=measure, poses=poses, finish=finish)
