@@ -274,6 +274,15 @@ def test_errors(family: thingc.RobotFamily) -> None:
         ({"observation_noise": {"sensor": 1.0}}, UnknownVariant, "there is no observation `sensor`"),
         ({"action_delay": (2, 1)}, FamilyError, r"expected `action_delay` to be a whole number .* found \(2, 1\)"),
         ({"push": (0, 1.0)}, FamilyError, r"expected `push` to be a pair \(number of actions, impulse \[N s\]\), found \(0, 1.0\)"),
+        *(({"push": push}, FamilyError, "expected `push` to be a pair") for push in (3, "ab", (3, "x"), (3, float("inf")), (3, 1.0, 2.0))),
+        *(({"seed": seed}, FamilyError, f"expected `seed` to be a whole number of at least 0, found {seed}") for seed in ("x", -1, 1.5)),
+        ({"noise": float("inf")}, FamilyError, "expected `noise` to be a number of at least 0, found inf"),
+        ({"observation_noise": "x"}, FamilyError, "expected `observation_noise` to be numbers of at least 0, found x for `joints`"),
+        ({"mode": "front"}, FamilyError, "^`mode` and `modes` cannot be used together"),
+        *(
+            ({name: value}, FamilyError, f"expected `{name}` to be a number or a list of 2 numbers .* found {re.escape(str(value))}")
+            for name in ("action_scale", "action_offset") for value in ("x", np.nan, True, [0.5], (0.5, "x"), [[0.1, 0.2]], [1.0, np.inf])
+        ),
         ({"on_motion": "stop"}, FamilyError, "expected `on_motion` to be .* found `stop`"),
         ({"render_mode": "human"}, FamilyError, 'expected `render_mode` to be "rgb_array" or None, found `human`'),
     ):

@@ -27,8 +27,8 @@ def is_whole(value: Any, least: int) -> bool:
 
 
 def is_number(value: Any) -> bool:
-    """Return True if a value is a number, but not NaN."""
-    return isinstance(value, Real) and not isinstance(value, bool) and not math.isnan(value)
+    """Return True if a value is a finite number."""
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def at_least(least: int, **numbers: Any) -> None:
@@ -39,6 +39,13 @@ def at_least(least: int, **numbers: Any) -> None:
     for name, value in numbers.items():
         if not is_whole(value, least):
             raise FamilyError(f"expected `{name}` to be a whole number of at least {least}, found {value}")
+
+
+def not_negative(**numbers: Any) -> None:
+    """Raise `FamilyError` if one of the values is not a finite number, or is negative. The error message contains the name of the value."""
+    for name, value in numbers.items():
+        if not is_number(value) or value < 0.0:
+            raise FamilyError(f"expected `{name}` to be a number of at least 0, found {value}")
 
 
 def as_names(**argument_value: Any) -> tuple[str, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypedDict
 
@@ -13,7 +12,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import did_you_mean
 from thingc.batch.gym.rewards import TASKS, Reward, Terminated
 from thingc.batch.results import FamilyError, UnknownVariant
-from thingc.batch.run_options import at_least, is_number, is_whole
+from thingc.batch.run_options import at_least, is_number, is_whole, not_negative
 from thingc.modes.robot import CHOICES, OnMotion
 
 Settings = Mapping[str, Any]
@@ -79,7 +78,7 @@ class EnvOptions(TypedDict, total=False):
     observation_noise: float | Mapping[str, float]
     descriptor: Sequence[str] | str
     action_scale: float | Sequence[float] | None
-    action_offset: Sequence[float] | None
+    action_offset: float | Sequence[float] | None
     action_delay: int | tuple[int, int] | None
     push: tuple[int, float] | None
     pose: str | None
@@ -110,7 +109,7 @@ class EnvRules(FrozenStruct):
     observation_noise: float | Mapping[str, float] = 0.0
     descriptor: Sequence[str] | str = ()
     action_scale: float | Sequence[float] | None = None
-    action_offset: Sequence[float] | None = None
+    action_offset: float | Sequence[float] | None = None
     action_delay: int | tuple[int, int] | None = None
     push: tuple[int, float] | None = None
     pose: str | None = None
@@ -126,18 +125,27 @@ class EnvRules(FrozenStruct):
             if not callable(called) and (called is not None or name == "reward"):
                 raise FamilyError(f"expected `{name}` to be a function of a `StepInfo`, found `{called}`")
         at_least(1, frame_skip=self.frame_skip, max_steps=self.max_steps, cache=self.cache)
-        if not is_number(self.noise) or not 0.0 <= self.noise < math.inf:
-            raise FamilyError(f"expected `noise` to be a number of at least 0, found {self.noise}")
+        not_negative(noise=self.noise)
+        at_least(0, seed=0 if self.seed is None else self.seed)
+        if self.mode is not None and self.modes:
+            raise FamilyError("`mode` and `modes` cannot be used together", "use only `modes`, and begin the list with the first mode")
         delays, delay, push = self.delays, self.action_delay, self.push
         if len(delays) != 2 or not all(is_whole(one, 0) for one in delays) or delays[0] > delays[1]:
             what = "a whole number of at least 0, or a pair of such numbers (smallest, largest)"
             raise FamilyError(f"expected `action_delay` to be {what}, found {delay}")
-        if push is not None and (len(push) != 2 or not is_whole(push[0], 1) or not is_number(push[1])):
+        if push is not None and (np.asarray(push, object).shape != (2,) or not is_whole(push[0], 1) or not is_number(push[1])):
             raise FamilyError(f"expected `push` to be a pair (number of actions, impulse [N s]), found {push}")
         if self.on_motion not in CHOICES:
             raise FamilyError(f"expected `on_motion` to be \"raise\", \"drop\" or \"impact\", found `{self.on_motion}`")
         if self.render_mode not in (None, "rgb_array"):
             raise FamilyError(f"expected `render_mode` to be \"rgb_array\" or None, found `{self.render_mode}`")
+
+    def check_controls(self, count: int) -> None:
+        """Raise `FamilyError` if `action_scale` or `action_offset` is neither a finite number nor a list of `count` finite numbers."""
+        for name, value in (("action_scale", self.action_scale), ("action_offset", self.action_offset)):
+            array = np.asarray(value, object)
+            if value is not None and (array.shape not in ((), (count,)) or not all(map(is_number, array.flat))):
+                raise FamilyError(f"expected `{name}` to be a number or a list of {count} numbers (one per control), found {value}")
 
     @property
     def reward_function(self) -> Reward:

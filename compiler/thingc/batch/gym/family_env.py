@@ -88,6 +88,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         example = self._morphologies.episode(self._morphologies.first, None)
         self.metadata["render_fps"] = round(1.0 / (example.model.opt.timestep * rules.frame_skip))
         self._controls = len(self._morphologies.actuators) if rules.modes else example.model.nu
+        rules.check_controls(self._controls)
         example.action = np.zeros(self._controls)
         self._observer = Observer(rules.observation, rules.observation_noise, example)
         length = self._observer.length + len(rules.descriptor)

@@ -77,7 +77,7 @@ class Observer:
             if name not in TERMS:
                 raise UnknownVariant(f"there is no observation `{name}`", did_you_mean(str(name), TERMS, what="observations"))
         for name, value in noise_by_term.items():
-            if not is_number(value) or not 0.0 <= value < np.inf:
+            if not is_number(value) or value < 0.0:
                 raise FamilyError(f"expected `observation_noise` to be numbers of at least 0, found {value} for `{name}`")
         self._names = names
         lengths = [len(TERMS[name](example)) for name in names]
