@@ -157,6 +157,10 @@ BAD = {
     "mode: bench, at: {in: room.table, xyz: 300 0 0 mm}": (
         "mode: bench", "TC212", "`mode` of component `left` requires `at`",
     ),
+    "cube.yaml, mode: loose": ("cube.yaml, mode: lost", "TC308", "`cube` (`cube.yaml`) has no mode `lost`"),
+    "arm.yaml, mode: rolling": (
+        "arm.yaml, mode: held", "TC310", "mode `held` of `fourth` has `base: held`, which a nested assembly does not support",
+    ),
     "room: {link: true,": ("room: {link: true, mode: x,", "TC212", "`mode` can only be used with `assembly`"),
 }
 

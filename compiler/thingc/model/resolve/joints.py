@@ -101,7 +101,7 @@ def joints(table: DocumentScope, items: Iterable[Unrolled[JointSpec]], places: P
         elif placed is None:
             unknown_child = unknown_child or not spec.loop
         else:
-            places.setdefault(placed, []).append((f"joint `{item.name}`", scope.span(path, key=True)))
+            places.setdefault(placed, []).append((f"{'free ' if kind.free else ''}joint `{item.name}`", scope.span(path, key=True)))
         coordinates: tuple[Joint, ...] = ()
         if parent is not None and child is not None:
             coordinates = _coordinates(table, item, kind, parent, child, layers)

@@ -137,7 +137,7 @@ def check(table: DocumentScope, places: Places, *, unknown_child: bool) -> None:
 
 
 def _report_no_base(table: DocumentScope, places: Places) -> None:
-    joint = next((placement for ways in reversed(places.values()) for placement, _ in ways if placement.startswith("joint")), "")
+    joint = next((placement for ways in reversed(places.values()) for placement, _ in ways if "joint" in placement), "")
     table.scope.error(
         Code.NO_BASE, "the assembly has no base component", ("components",), key=True,
         help=f"remove the placement of one component, for example of `{next(iter(table.nodes))}`{_loop_hint(joint)}",
@@ -146,7 +146,7 @@ def _report_no_base(table: DocumentScope, places: Places) -> None:
 
 
 def _loop_hint(way: str) -> str:
-    """Return the end of a help text for the description of a placement. For a joint, the hint is that the joint may close a loop."""
+    """Return the end of a help text for the description of a placement. For joints other than free joints, suggest to close a loop."""
     return f", or add `loop: true` to {way}" if way.startswith("joint ") else ""
 
 

@@ -17,6 +17,7 @@ from thingc.documents.spec.assembly import TurnSpec
 from thingc.model.resolve import references
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.document_scope import DocumentScope
+from thingc.model.resolve.modes import ROOT
 from thingc.model.resolve.references import GLOB, suggest
 from thingc.model.resolve.scope import Scope, find_item
 from thingc.model.resolve.types import Joint, NamedPose
@@ -265,6 +266,9 @@ def _report_unknown(table: DocumentScope, scope: Scope, joints: Joints, key: str
     if _may_be_below_unresolved(table, key) or any(f"{first}_".startswith(prefix) for prefix in table.unbuilt):
         return
     if node is not None and "." in key and node.table is not None and node.table.doubts:
+        return
+    bases = [f"{path}.{ROOT}" for path, inner in table.all_nodes() if inner.spec.mode is not None and inner.unplaced]
+    if any(key == base or key.startswith(f"{base}_") for base in bases):  # the mode of the nested assembly is invalid
         return
     names: list[str] = [*_settable_joints(joints)]
     if node is not None and "." not in key:
