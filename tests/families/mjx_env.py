@@ -146,7 +146,7 @@ def test_numbers_that_move_mounts_are_refused(feet: thingc.RobotFamily) -> None:
     assert caught.value.help == "use `at` to fix the numbers that move links, joints or mounts"
     for option, value, words in (
         ("noise", "x", "a number of at least 0, found x"), ("noise", float("nan"), "a number of at least 0, found nan"),
-        ("frame_skip", "5", "a whole number of at least 1, found 5"), ("on_motion", "raise", '"drop" or "impact", found `raise`'),
+        ("noise", -0.1, "a number of at least 0, found -0.1"), ("frame_skip", "5", "a whole number of at least 1, found 5"),
     ):
         with pytest.raises(FamilyError, match=f"expected `{option}` to be {words}"):
             MjxEnv(feet, ["load"], MODES, reward=velocity, **{option: value})  # type: ignore[arg-type]

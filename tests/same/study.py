@@ -42,6 +42,8 @@ from thingc.tools.same.sides import read_side
 ROOT = Path(__file__).resolve().parents[2]
 EXACT = 1e-9
 """Largest difference of distances [m]."""
+SOURCE = ImportRequest(meshes=False, repair="nearest")
+"""How robot files are read. Inertias that are not physical are repaired, so that the study can use these robots."""
 GALLERY = sorted(path for path in ROOT.glob("gallery/*/*.yaml") if path.stem == path.parent.name)
 OWN = (ROOT / "assemblies/arm.yaml", ROOT / "assemblies/minchw/minchw.yaml", *GALLERY)
 
@@ -59,14 +61,14 @@ class Subject:
 
 def mechanism(path: Path) -> Mechanism:
     """Read a mechanism as `thingc same` reads it."""
-    return read_side(Checkout(path=str(path), kind="model" if path.suffix in ENDINGS else "document"), Options())
+    return read_side(Checkout(path=str(path), kind="model" if path.suffix in ENDINGS else "document"), Options(), SOURCE)
 
 
 def subject(path: Path, folder: Path) -> Subject:
     """Read a robot. Raises ValueError with a reason if the study cannot use it."""
     document, texts = path, {}
     if path.suffix in ENDINGS:
-        imported = import_robot(str(path), Report(), ImportRequest(meshes=False))
+        imported = import_robot(str(path), Report(), SOURCE)
         if imported is None:
             raise ValueError("it cannot be imported")
         document = folder / "robot.yaml"

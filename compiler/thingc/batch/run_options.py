@@ -31,21 +31,14 @@ def is_number(value: Any) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def at_least(least: int, **numbers: Any) -> None:
-    """Raise `FamilyError` if one of the values is not an integer, or is less than `least`.
+def at_least(least: int, *, whole: bool = True, **numbers: Any) -> None:
+    """Raise `FamilyError` if one of the values is not a finite number or, with `whole`, not an integer, or if it is less than `least`.
 
     The error message contains the name of the value.
     """
     for name, value in numbers.items():
-        if not is_whole(value, least):
-            raise FamilyError(f"expected `{name}` to be a whole number of at least {least}, found {value}")
-
-
-def not_negative(**numbers: Any) -> None:
-    """Raise `FamilyError` if one of the values is not a finite number, or is negative. The error message contains the name of the value."""
-    for name, value in numbers.items():
-        if not is_number(value) or value < 0.0:
-            raise FamilyError(f"expected `{name}` to be a number of at least 0, found {value}")
+        if not (is_whole(value, least) if whole else is_number(value) and value >= least):
+            raise FamilyError(f"expected `{name}` to be a {'whole ' * whole}number of at least {least}, found {value}")
 
 
 def as_names(**argument_value: Any) -> tuple[str, ...]:

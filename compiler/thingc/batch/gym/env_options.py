@@ -12,7 +12,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import did_you_mean
 from thingc.batch.gym.rewards import TASKS, Reward, Terminated
 from thingc.batch.results import FamilyError, UnknownVariant
-from thingc.batch.run_options import at_least, is_number, is_whole, not_negative
+from thingc.batch.run_options import at_least, is_number, is_whole
 from thingc.modes.robot import CHOICES, OnMotion
 
 Settings = Mapping[str, Any]
@@ -125,7 +125,7 @@ class EnvRules(FrozenStruct):
             if not callable(called) and (called is not None or name == "reward"):
                 raise FamilyError(f"expected `{name}` to be a function of a `StepInfo`, found `{called}`")
         at_least(1, frame_skip=self.frame_skip, max_steps=self.max_steps, cache=self.cache)
-        not_negative(noise=self.noise)
+        at_least(0, whole=False, noise=self.noise)
         at_least(0, seed=0 if self.seed is None else self.seed)
         if self.mode is not None and self.modes:
             raise FamilyError("`mode` and `modes` cannot be used together", "use only `modes`, and begin the list with the first mode")

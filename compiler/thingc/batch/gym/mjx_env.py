@@ -21,7 +21,7 @@ from thingc.batch.families.results import NoModel
 from thingc.batch.gym.drive_effects import DriveEffects
 from thingc.batch.gym.episode import spans_of
 from thingc.batch.results import FamilyError
-from thingc.batch.run_options import as_names, at_least, not_negative
+from thingc.batch.run_options import as_names, at_least
 from thingc.modes.frames import pose, quaternion_of, rotation_of
 from thingc.modes.mjdata import inertia_rows, inertias_in, map_model
 from thingc.modes.state import State
@@ -131,9 +131,7 @@ class MjxEnv:
         floor: bool = True, dtype: str = "float64",
     ) -> None:
         at_least(1, frame_skip=frame_skip, max_steps=max_steps)
-        not_negative(noise=noise)
-        if on_motion not in ("drop", "impact"):
-            raise FamilyError(f"expected `on_motion` to be \"drop\" or \"impact\", found `{on_motion}`")
+        at_least(0, whole=False, noise=noise)
         self.modes = as_names(modes=modes)
         robot = family.modes(at or {})
         if isinstance(robot, NoModel):

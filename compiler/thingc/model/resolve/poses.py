@@ -267,8 +267,8 @@ def _report_unknown(table: DocumentScope, scope: Scope, joints: Joints, key: str
         return
     if node is not None and "." in key and node.table is not None and node.table.doubts:
         return
-    bases = [f"{path}.{ROOT}" for path, inner in table.all_nodes() if inner.spec.mode is not None and inner.unplaced]
-    if any(key == base or key.startswith(f"{base}_") for base in bases):  # the mode of the nested assembly is invalid
+    bases = (f"{path}.{ROOT}_" for path, inner in table.all_nodes() if inner.spec.mode is not None and inner.unplaced)
+    if any(f"{key}_".startswith(base) for base in bases):  # the mode of the nested assembly is invalid
         return
     names: list[str] = [*_settable_joints(joints)]
     if node is not None and "." not in key:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import os
+from functools import partial
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, Diagnostic, Report, Severity
+from thingc.base.diagnostics import Code, Diagnostic, Report
 from thingc.base.source import line_of
 from thingc.driver.environment import Options
-from thingc.driver.up_to_date import from_plain, to_plain
 from thingc.tools.cli import console
 from thingc.tools.importing.import_request import ImportRequest
 
@@ -78,15 +78,14 @@ def check_robot(path: str, options: Options, source: ImportRequest, *, strict: b
 
 def check_confined(path: str, options: Options, source: ImportRequest, *, strict: bool, seconds: float) -> list[Diagnostic]:
     """Check an untrusted robot file in a sandboxed process, without reading its meshes. A xacro file is not checked, because it is code."""
-    from thingc.tools.cli.sandboxed_check import run_confined
+    from thingc.tools.cli.sandboxed_check import diagnose_confined
 
     if path.lower().endswith(".xacro"):
         report, message = Report(), "the xacro file was not checked"
         help = "check the URDF file that `xacro` creates, or omit `--no-code`"
-        report.add(Code.SOURCE_XML, message, line_of(os.path.abspath(path)), help=help, severity=Severity.WARNING)
+        report.warn(Code.SOURCE_XML, message, line_of(os.path.abspath(path)), help=help)
         return console.final(report, strict=strict)
     if path.lower().endswith(".xml"):
         import mujoco  # noqa: F401  (the sandbox cannot load libraries)
 
-    answer = run_confined(lambda: list(map(to_plain, check_robot(path, options, replace(source, meshes=False), strict=strict))), seconds)
-    return [replace(answer, path=path)] if isinstance(answer, Diagnostic) else list(map(from_plain, answer))
+    return diagnose_confined(path, partial(check_robot, path, options, replace(source, meshes=False), strict=strict), seconds)

@@ -16,6 +16,8 @@ import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
 
+from msgspec.structs import replace
+
 from thingc.base.diagnostics import Code, Diagnostic
 from thingc.driver.up_to_date import from_plain, to_plain
 from thingc.tools.cli import console
@@ -67,6 +69,12 @@ def run_confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMOR
         return _costly(in_time, status, seconds, memory)
     kind, value = json.loads(data)
     return from_plain(value) if kind == "failed" else value
+
+
+def diagnose_confined(path: str, check: Callable[[], list[Diagnostic]], seconds: float) -> list[Diagnostic]:
+    """Call `check` in a sandboxed process, and return the diagnostics of the file `path`, or one diagnostic if the process ends early."""
+    answer = run_confined(lambda: list(map(to_plain, check())), seconds)
+    return [replace(answer, path=path)] if isinstance(answer, Diagnostic) else list(map(from_plain, answer))
 
 
 def _collect(reading: int, child: int, patience: float) -> tuple[bytes, bool]:

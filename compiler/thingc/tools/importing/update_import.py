@@ -101,8 +101,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
     except FileNotFoundError:
         old_content, ours = None, earlier.text
     except (OSError, UnicodeDecodeError):
-        message = f"cannot read the imported file `{shown_path(path)}`"
-        report.add(Code.OUTPUT, message, None, help="fix or delete the file")
+        report.add(Code.OUTPUT, f"cannot read the imported file `{shown_path(path)}`", None, help="fix or delete the file")
         return None
     texts = [text for one in (earlier.text, new, ours) if (text := read_text(path, one, report)) is not None]
     if len(texts) < 3:
@@ -140,19 +139,15 @@ def _changed_meshes(earlier: PreviousImport, meshes: Mapping[str, bytes], report
         if now is None or now == before:
             written[name] = there, content
         elif after != before:
-            report.add(
-                Code.SOURCE_CONFLICT,
-                f"`{name}` has changed in the folder and in the source", None,
-                help="delete the file and import again to use the version of the source",
-            )
+            help = "delete the file and import again to use the version of the source"
+            report.add(Code.SOURCE_CONFLICT, f"`{name}` has changed in the folder and in the source", None, help=help)
     return written
 
 
 def _say_conflicts(one: Merged, after: Text, report: Report) -> None:
     for path, ours, new in one.conflicts:
         message = f"`{format_path(path)}` is {ours} in the document and {new} in the source"
-        help = "write the correct value in the document"
-        report.add(Code.SOURCE_CONFLICT, message, span_at(after.tree, path), help=help)
+        report.add(Code.SOURCE_CONFLICT, message, span_at(after.tree, path), help="write the correct value in the document")
 
 
 def _repair(how: object) -> Repair | None:
