@@ -54,7 +54,7 @@ def with_constants(model: mjx.Model, data: mjx.Data, ratios: Sequence[tuple[int,
     matrix = mjx.full_m(model, placed)
     fields: Fields = {"body_subtreemass": _subtree_sums(model) @ model.body_mass, "dof_M0": inertia, "tendon_length0": placed.ten_length}
     if model.nv:
-        inverse = jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(matrix), True), jnp.eye(model.nv, dtype=matrix.dtype))
+        inverse = _invert(matrix)
         fields["stat.meaninertia"] = jnp.mean(jnp.diag(matrix))
         fields["body_invweight0"], fields["dof_invweight0"] = _inverse_weights(model, placed, inverse)
         fields["tendon_invweight0"] = jnp.einsum("ti,ij,tj->t", placed._impl.ten_J, inverse, placed._impl.ten_J)
@@ -68,6 +68,13 @@ def with_constants(model: mjx.Model, data: mjx.Data, ratios: Sequence[tuple[int,
         chosen = np.array(relaxed)
         fields["tendon_lengthspring"] = model.tendon_lengthspring.at[chosen].set(places.ten_length[1, chosen, None])
     return fields
+
+
+def _invert(matrix: Any) -> Any:
+    """Return the inverse of a mass matrix. One step of iterative refinement removes most of the rounding errors of the factorization."""
+    identity, exact = jnp.eye(len(matrix), dtype=matrix.dtype), partial(jnp.matmul, precision="highest")
+    inverse = jax.scipy.linalg.cho_solve((jnp.linalg.cholesky(matrix), True), identity)
+    return inverse + exact(inverse, identity - exact(matrix, inverse))
 
 
 def _forward_positions(model: mjx.Model, data: mjx.Data, qpos: Any) -> mjx.Data:
