@@ -53,7 +53,7 @@ def by_joint(study, model: mujoco.MjModel, values: np.ndarray) -> np.ndarray:
     return np.array([values[model.joint(joint).dofadr[0]] for joint in study.joints])
 
 
-@pytest.mark.parametrize("gravity", ["floor", "wall"])
+@pytest.mark.parametrize("gravity", ["wall"])
 def test_rooted_model_rests_from_the_first_step_and_welds_do_not(bench, gravity: str) -> None:
     """The torques are those of the model with one body per component, which other code creates."""
     formulations, standing, stepping, _, study = bench

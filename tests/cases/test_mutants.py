@@ -31,7 +31,7 @@ from thingc.model.robot.kinematic_tree import root
 
 pytestmark = pytest.mark.slow
 
-MUTANTS = 80
+MUTANTS = 40
 NEAR = 0.85
 """The smallest share of refused mutants whose first error is on the changed line or next to it. The others are correct: the error of a
 removed component is at its use."""

@@ -175,7 +175,7 @@ def check_drawing(boxes: list[Size], lines: list[Line], drawing: Drawing) -> Non
         assert all(a[1] < b[0] for a, b in pairwise(route.stretches))
 
 
-@settings(max_examples=75)
+@settings(max_examples=38)
 @given(pictures())
 def test_layout_of_random_acyclic_graphs(picture: tuple[list[Size], list[Line]]) -> None:
     """In random graphs, nothing overlaps, and routes cross no box between their ends."""

@@ -75,7 +75,7 @@ def emitted(tree: Tree, emit: Callable[[EmitRequest], Artifacts]) -> tuple[dict[
     return chosen, made
 
 
-@settings(max_examples=12)
+@settings(max_examples=6)
 @given(trees)
 def test_poses_of_random_trees_match_matrices(tree: Tree) -> None:
     """Poses of all occurrences and frames in random trees equal chains of matrices. Only screws require version 1.11 of SDF."""

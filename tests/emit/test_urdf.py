@@ -111,7 +111,7 @@ def with_mimic_positions(made: Artifacts, name: str, q: dict[str, float]) -> dic
     return q
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(trees)
 def test_poses_of_random_trees_match_matrices(tree: Tree) -> None:
     """MuJoCo loads URDF files of random trees. Poses of occurrences and frames equal chains of matrices."""
@@ -133,7 +133,7 @@ def test_poses_of_random_trees_match_matrices(tree: Tree) -> None:
             assert body_pose(data, f"c{k}_origin") == pytest.approx(moved @ expected[k], abs=1e-9)
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(trees)
 def test_every_link_has_a_mass_and_moving_children_come_first(tree: Tree) -> None:
     """PyBullet gives 1 kg to a link without `<inertial>`, and ikpy follows the first joint of a link."""
@@ -153,7 +153,7 @@ def test_every_link_has_a_mass_and_moving_children_come_first(tree: Tree) -> Non
         assert all(kind != "fixed" or kinds[parent] == {"fixed"} for parent, kind in first.items())
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 6), st.just(WITHOUT_LEAD)))
 def test_mass_matrix_and_gravity_match_mjcf(tree: Tree) -> None:
     """Total mass, mass matrix and gravity torque equal those of the MJCF model of the same tree."""
@@ -181,7 +181,7 @@ def test_mass_matrix_and_gravity_match_mjcf(tree: Tree) -> None:
         assert data.qfrc_bias[joints[0]] == pytest.approx(torque, rel=1e-6, abs=1e-6 * max(np.abs(torque).max(), 1e-3))
 
 
-@settings(max_examples=300)
+@settings(max_examples=150)
 @given(*[st.floats(-math.pi, math.pi) | st.sampled_from([0.0, math.pi / 2, -math.pi / 2, math.pi / 2 - 1e-9, math.pi])] * 3)
 def test_rpy_round_trips_to_the_rotation(roll: float, pitch: float, yaw: float) -> None:
     """`rpy_of` returns angles with the same rotation, at gimbal lock too."""

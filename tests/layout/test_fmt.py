@@ -238,7 +238,7 @@ def tomls(draw: st.DrawFn) -> str:
     return "\n".join([*lines, note(), ""])
 
 
-@settings(max_examples=80, suppress_health_check=list(HealthCheck))
+@settings(max_examples=40, suppress_health_check=list(HealthCheck))
 @given(tomls())
 def test_formatted_toml_has_the_same_content(text: str) -> None:
     report = Report()

@@ -80,19 +80,19 @@ _pieces = st.sampled_from([
 ])
 
 
-@settings(max_examples=120)
+@settings(max_examples=60)
 @given(st.integers(0, len(GOOD) - 1), st.integers(0, 12), st.lists(_pieces, max_size=3).map("".join))
 def test_mutations_of_a_valid_document(at: int, cut: int, put: str) -> None:
     run((GOOD[:at] + put + GOOD[at + cut :]).encode())
 
 
-@settings(max_examples=80)
+@settings(max_examples=40)
 @given(st.lists(_pieces, max_size=25).map("".join))
 def test_random_mixtures_of_yaml_tokens(text: str) -> None:
     run(("thingc: assembly/1\n" + text).encode())
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(st.binary(max_size=60))
 def test_random_bytes(data: bytes) -> None:
     run(data)
@@ -100,7 +100,7 @@ def test_random_bytes(data: bytes) -> None:
     run(b'thingc = "assembly/1"\n' + data, ".toml")
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(st.integers(0, GOOD.count("\n") - 1), st.integers(0, GOOD.count("\n") - 1))
 def test_swapped_lines(first: int, second: int) -> None:
     lines = GOOD.split("\n")

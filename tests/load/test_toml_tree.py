@@ -120,7 +120,7 @@ _values = st.recursive(_leaves, lambda inner: st.one_of(st.lists(inner, max_size
     max_leaves=12)
 
 
-@settings(max_examples=75)
+@settings(max_examples=38)
 @given(st.dictionaries(_keys, _values, max_size=4))
 def test_tomlkit_output_is_read_back(value: dict[str, Any]) -> None:
     text = tomlkit.dumps(value)
@@ -201,7 +201,7 @@ def test_any_text_gives_a_tree_or_an_error(text: str) -> None:
     _same_verdict(text)
 
 
-@settings(max_examples=75)
+@settings(max_examples=38)
 @given(st.integers(0, len(ARM) - 1), st.integers(0, 6), st.text(max_size=4))
 def test_any_mutation_gives_a_tree_or_an_error(at: int, cut: int, put: str) -> None:
     _same_verdict(ARM[:at] + put + ARM[at + cut :])

@@ -204,7 +204,7 @@ _compats = st.sampled_from([[], ["mjx"], ["pymjcf", "mjx"], ["MJX"], "mjx", [3]]
 _uris = st.sampled_from(["relative", "package", "absolute", "packages", 3, []])
 
 
-@settings(max_examples=120)
+@settings(max_examples=60)
 @given(
     parts=st.none() | st.lists(_texts, max_size=2) | st.just("parts"), build=st.none() | _texts | st.just(3),
         timeout=st.none() | _times | st.just(5), mesh_uri=st.none() | _uris, about=st.none() | _abouts | st.just(["license"]),

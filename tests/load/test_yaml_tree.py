@@ -289,7 +289,7 @@ _values = st.recursive(
 )
 
 
-@settings(max_examples=75)
+@settings(max_examples=38)
 @given(st.dictionaries(_keys, _values, min_size=1, max_size=4), st.booleans())
 def test_ruamel_output_is_read_back(value: dict[str, Any], flow: bool) -> None:
     yaml = YAML(typ="safe", pure=True)

@@ -23,7 +23,7 @@ from thingc.model.robot.types import Closure, Robot
 numbers = st.floats(-3.0, 3.0, allow_nan=False)
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(st.integers(1, 8), st.integers(1, 8), st.integers(0, 2**32 - 1))
 def test_steps_match_damped_least_squares(n: int, m: int, seed: int) -> None:
     """The oracle is numpy on the stacked system [J; sqrt(lambda) I] x = [-e; 0]."""
@@ -52,7 +52,7 @@ def test_redundant_equations_are_solved() -> None:
     assert J @ found == pytest.approx(-e, abs=1e-9)
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(st.tuples(numbers, numbers, numbers))
 def test_rotation_vectors_match_scipy(v: tuple[float, float, float]) -> None:
     r = Rotation.from_rotvec(v)
@@ -91,7 +91,7 @@ SINGLE = ("revolute", "continuous", "prismatic")
 trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(3, 7), st.just(SINGLE))
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(trees, st.integers(0, 2**32 - 1))
 def test_loop_closes_from_a_nearby_state(tree: Tree, seed: int) -> None:
     """The last body is held at its pose at q. Starting near q (0.1 rad, 10 mm), the loop closes again for any tree."""
@@ -152,7 +152,7 @@ def test_step_blocked_by_limits_is_damped() -> None:
     assert solution.state.q == pytest.approx({"one": -0.02, "other": 0.0}, abs=1e-6)
 
 
-@settings(max_examples=25)
+@settings(max_examples=13)
 @given(trees, st.integers(0, 2**32 - 1))
 def test_residual_derivatives_match_finite_differences(tree: Tree, seed: int) -> None:
     """Central differences of the residuals if the loop is closed, and of half their squares if it is open."""
@@ -178,7 +178,7 @@ def test_residual_derivatives_match_finite_differences(tree: Tree, seed: int) ->
             assert (ends[1] @ ends[1] - ends[0] @ ends[0]) / 4e-6 == pytest.approx(np.dot(error, column), abs=1e-6)
 
 
-@settings(max_examples=25)
+@settings(max_examples=13)
 @given(trees, st.integers(0, 2**32 - 1))
 def test_unreachable_target_matches_scipy_optimum(tree: Tree, seed: int) -> None:
     """The target is about half a metre away. The remaining sum of squares, within limits, is compared with

@@ -269,7 +269,7 @@ CONSEQUENCES = {
     "TC525",  # a mount is shown by the name of another one: one may want to
     "TC348",  # in a mode that floats no drive holds the base
 }
-DOCUMENTS = ["arm.yaml", "end_effector.yaml", "minchw/leg.yaml", "minchw/minchw.yaml"]
+DOCUMENTS = ["end_effector.yaml", "minchw/leg.yaml", "minchw/minchw.yaml"]
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)

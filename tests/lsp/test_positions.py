@@ -36,7 +36,7 @@ def test_out_of_range_positions_are_clamped(text: str, line: int, character: int
     assert 0 <= lines.index(lines.place({"line": line, "character": character})) <= len(text)
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(TEXTS, TEXTS)
 def test_edits_transform_one_text_into_another(before: str, after: str) -> None:
     lines = TextLines(before)

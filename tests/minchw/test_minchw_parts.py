@@ -18,15 +18,15 @@ from minchw.leg import Foot, HipBracket, ThighBrace  # isort: skip
 
 from .conftest import ANKLE_TO_SOLE, AXIS, FRONT_YAW, REAR_YAW, YAW_TO_KNEE, matrix
 
-SWEEP = [
-    (Chassis, {}), (Chassis, {"length": 90}), (Chassis, {"length": 90, "wall": 2.5}), (Chassis, {"length": 220, "wall": 6}),
-    (Cover, {}), (Cover, {"length": 90, "wall": 2.5}), (Cover, {"length": 220, "wall": 6}),
-    (HipBracket, {}), (HipBracket, {"thickness": 4.5}), (HipBracket, {"thickness": 8}),
-    (ThighBrace, {}), (ThighBrace, {"length": 62, "thickness": 2.4}), (ThighBrace, {"length": 140, "thickness": 6}),
-    (Foot, {}), (Foot, {"thickness": 4.5, "rim": 1.6}), (Foot, {"thickness": 12, "rim": 6}),
-    (CellTray, {}), (CellTray, {"cells": 2, "wall": 1, "contact": 2}), (CellTray, {"cells": 4, "wall": 3, "contact": 5}),
-    (Cell18650, {}), (Cell18650, {"diameter": 17, "length": 64}),
-    (HoldingMagnet, {}), (HoldingMagnet, {"diameter": 40, "height": 15, "pole": 2}),
+SWEEP = [  # both ends of the ranges; tests of the robot build the parts in between
+    (Chassis, {"length": 90, "wall": 2.5}), (Chassis, {"length": 220, "wall": 6}),
+    (Cover, {"length": 90, "wall": 2.5}), (Cover, {"length": 220, "wall": 6}),
+    (HipBracket, {"thickness": 4.5}), (HipBracket, {"thickness": 8}),
+    (ThighBrace, {"length": 62, "thickness": 2.4}), (ThighBrace, {"length": 140, "thickness": 6}),
+    (Foot, {"thickness": 4.5, "rim": 1.6}), (Foot, {"thickness": 12, "rim": 6}),
+    (CellTray, {"cells": 2, "wall": 1, "contact": 2}), (CellTray, {"cells": 4, "wall": 3, "contact": 5}),
+    (Cell18650, {"diameter": 17, "length": 64}),
+    (HoldingMagnet, {"diameter": 40, "height": 15, "pole": 2}),
     (HoldingMagnet, {"diameter": 80, "height": 50, "pole": 10}),
 ]
 
@@ -61,7 +61,7 @@ def test_parts_are_closed_solids_for_all_parameters(family, parameters):
     assert (mesh - union).volume() <= 2e-4 * mesh.volume(), "the collision pieces do not hold the part"
 
 
-@pytest.mark.parametrize("wall", [2.5, 3, 6])
+@pytest.mark.parametrize("wall", [2.5, 6])
 def test_holes_match_the_screws(wall):
     """There is no material on the axis of each screw through the whole wall, and there is material beside the hole."""
     length = 110

@@ -55,7 +55,7 @@ def pose_of(data: mujoco.MjData, link: str) -> np.ndarray:
     return found
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(trees)
 def test_poses_of_random_trees_match_matrices(tree: Tree) -> None:
     inside = in_link(tree.assembly)
@@ -67,7 +67,7 @@ def test_poses_of_random_trees_match_matrices(tree: Tree) -> None:
             assert pose_of(data, link) @ as_matrix(inside[position]) == pytest.approx(expected[k], abs=1e-9)
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(trees)
 def test_roots_of_all_modes_are_sites(tree: Tree) -> None:
     """Every root of every mode is a site in every file, at the pose given by the matrices."""
@@ -80,7 +80,7 @@ def test_roots_of_all_modes_are_sites(tree: Tree) -> None:
                 assert data.site(site).xmat.reshape(3, 3) == pytest.approx((expected[k] @ local)[:3, :3], abs=1e-9)
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(trees)
 def test_total_mass_properties_match_mujoco(tree: Tree) -> None:
     """Mass, centre and inertia of the robot at q equal the free base's block of MuJoCo's mass matrix."""
@@ -102,7 +102,7 @@ def test_total_mass_properties_match_mujoco(tree: Tree) -> None:
         assert matrix[3:6, 3:6] == pytest.approx(about_root, rel=1e-9, abs=1e-9 * np.abs(about_root).max())
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(trees)
 def test_dynamics_do_not_depend_on_the_root(tree: Tree) -> None:
     """Mass matrix and gravity torque of the mode fixed at L equal those of every free mode with L constrained to stand still."""

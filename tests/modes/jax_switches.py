@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import thingc
 from loops.robots import compiled
 from modes.switching_robots import random_robot
 from modes.test_held_twice import chain, four_bar
@@ -26,12 +24,8 @@ WORLDS = 6
 
 
 @pytest.fixture(scope="module")
-def robots(root: Path, shared_store: str, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Modes]:
+def robots(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Modes]:
     def made(name: str) -> Modes:
-        if name == "minchw":
-            minchw = str(root / "assemblies/minchw/minchw.yaml")
-            compiled_modes = thingc.compile(minchw, store=shared_store, modes=["rear_foot", "bridge"]).modes
-            return Modes.parse(next(iter(compiled_modes.values())).files["modes.json"])
         if name in DOCUMENTS:
             return Modes.parse(compiled(tmp_path_factory.mktemp(name), DOCUMENTS[name]).text("modes.json"))
         return {"mimics": lambda: random_robot(5, mimics=True), "chain": chain, "bars": lambda: four_bar("revolute")}[name]().modes
@@ -57,7 +51,6 @@ def states(mode: Mode, seed: int = 1) -> State:
 
 
 CASES = [
-    ("minchw", "rear_foot", "bridge", "drop"),
     ("mimics", "free_0", "held_5", "impact"), ("chain", "float", "bridge", "impact"), ("chain", "near", "pinned", "impact"),
     ("bars", "ground_free", "crank_held", "impact"), ("balls", "loose", "last", "impact"), ("balls", "first", "loose", "drop"),
     ("puck", "loose", "sled", "impact"), ("puck", "gimbal", "loose", "drop"),

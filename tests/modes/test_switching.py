@@ -14,7 +14,7 @@ from thingc.modes import BaseElsewhere, BaseMoves
 pytestmark = pytest.mark.slow
 
 seeds = st.integers(0, 2**32 - 1)
-few = settings(max_examples=7)
+few = settings(max_examples=5)
 
 
 def of(made: Made, base: str) -> list[str]:

@@ -17,7 +17,7 @@ import pytest
 
 from thingc.geometry.store.local import BlobMissing, Store, StoreUnusable
 from thingc.geometry.store.shared_store import SharedStore, open_store
-from variants.robots import batch_here, thingc, tree, workspace
+from variants.robots import batch_here, tree, workspace
 
 SERVER = """
 import sys
@@ -67,7 +67,7 @@ def machine(folder: Path, url: str) -> tuple[Path, dict[str, str]]:
 def test_second_machine_models_nothing(tmp_path: Path, ftp: tuple[str, Path, subprocess.Popen[str]]) -> None:
     url, served, process = ftp
     one, env = machine(tmp_path / "one", url)
-    first = thingc(*BATCH, cwd=one, env=env)
+    first = batch_here(*BATCH[1:], cwd=one, env=env)
     assert first.returncode == 0 and "1 built; 3 parts modelled" in first.stderr, first.stderr
     blobs = [path for path in (served / "blobs").rglob("*") if path.is_file()]
     assert blobs and all(hashlib.sha256(path.read_bytes()).hexdigest() == path.parent.name + path.name for path in blobs)
@@ -78,7 +78,7 @@ def test_second_machine_models_nothing(tmp_path: Path, ftp: tuple[str, Path, sub
 
     blobs[0].write_bytes(b"damaged")  # it is made anew, and mended there
     three, env = machine(tmp_path / "three", url)
-    third = thingc(*BATCH, cwd=three, env=env)
+    third = batch_here(*BATCH[1:], cwd=three, env=env)
     assert third.returncode == 0, third.stderr
     assert tree(one / "build/stands/variants") == tree(three / "build/stands/variants")
     if "0 parts modelled" not in third.stderr:  # a blob that a record needs

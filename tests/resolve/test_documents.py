@@ -161,7 +161,7 @@ SCALARS = [
 ]
 
 
-@settings(max_examples=120)
+@settings(max_examples=60)
 @given(st.integers(0, 10**9))
 @example(106889)  # a list for a pattern of joints
 @example(12693)  # a joint of no type with a mimic of no kind

@@ -140,7 +140,7 @@ def test_long_chain_of_parameters_does_not_recurse(tmp_path: Path) -> None:
     assert values(run(tmp_path, text))["p0"] == pytest.approx(3.0, rel=1e-12)
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(st.permutations(range(8)), st.lists(st.integers(1, 9), min_size=8, max_size=8))
 def test_parameter_order_does_not_matter(
     tmp_path_factory: pytest.TempPathFactory, order: list[int], factors: list[int],

@@ -161,7 +161,7 @@ def test_doubling_documents_are_counted_without_expansion(tmp_path: Path) -> Non
     ]
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(
     st.from_regex(r"[a-z]{1,3}(_[a-z]{1,2})?", fullmatch=True), st.integers(0, 9999),
     st.from_regex(r"[a-z]{0,3}_?", fullmatch=True), st.sampled_from(["", "_x", ".top", "_1.y"]),

@@ -167,7 +167,7 @@ def test_contacts_are_equal(both: tuple[Built, Built]) -> None:
     for mode in ("bench", "by_pad"):
         models = [built.model(mode) for built in both]
         modes = [Modes.parse(built.text("modes.json"))[mode] for built in both]
-        for _ in range(400):
+        for _ in range(200):
             q = {joint.name: float(rng.uniform(-3, 3)) for joint in modes[0].joints}
             touching = []
             for model, own in zip(models, modes, strict=True):
@@ -177,7 +177,7 @@ def test_contacts_are_equal(both: tuple[Built, Built]) -> None:
                 touching.append({frozenset(model.geom(int(geom)).name for geom in pair) for pair in data.contact.geom})
             assert touching[0] == touching[1]
             found += len(touching[0])
-    assert found > 3
+    assert found > 1
 
 
 def test_other_formats_have_the_fixed_joints(tmp_path: Path) -> None:

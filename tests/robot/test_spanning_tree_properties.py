@@ -173,7 +173,7 @@ def world_of(tree: Tree, mode_name: str) -> list[Array]:
 trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 7))
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(trees)
 def test_poses_match_matrices_in_every_mode(tree: Tree) -> None:
     plain = poses(tree.assembly, tree.q)
@@ -187,7 +187,7 @@ def test_poses_match_matrices_in_every_mode(tree: Tree) -> None:
             assert as_matrix(placed[position]) == pytest.approx(expected[k], abs=1e-9)
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(trees)
 def test_relative_poses_do_not_depend_on_the_root(tree: Tree) -> None:
     found = [[as_matrix(p) for p in occurrence_poses(robot, tree.q)] for robot in robots(tree.assembly).values()]
@@ -197,7 +197,7 @@ def test_relative_poses_do_not_depend_on_the_root(tree: Tree) -> None:
             assert inv(world[0]) @ other == pytest.approx(one, abs=1e-9)
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(trees)
 def test_total_inertia_does_not_depend_on_the_root(tree: Tree) -> None:
     own = {o.index: o.properties for o in tree.assembly.occurrences}
@@ -271,7 +271,7 @@ def held(robot: Robot, q: dict[str, float], held_link: int, down: Array) -> tupl
     return names, matrix, torque
 
 
-@settings(max_examples=16)
+@settings(max_examples=8)
 @given(trees, st.integers(0, 6))
 def test_dynamics_with_a_held_link_do_not_depend_on_root(tree: Tree, which: int) -> None:
     if not tree.q:

@@ -74,7 +74,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     yield tmp_path
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0])  # `make same` draws a thousand
 @pytest.mark.parametrize("name", [*NAMES, "five_bar.xml"])
 def test_disguised_robot_is_recognized_with_its_map(robots: dict[str, Subject], name: str, seed: int, tmp_path: Path) -> None:
     robot, draw = robots[name], random.Random(f"{name} {seed}")

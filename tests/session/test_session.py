@@ -187,13 +187,13 @@ def test_random_parameters_of_a_whole_document(rig: Path, shared_store: str) -> 
     """The parameters are random, valid and invalid, so that each variant can follow any other one."""
     choose = random.Random(5)
     many = [Settings()]
-    for _ in range(50):
+    for _ in range(25):
         names = choose.sample(sorted(VALUES), choose.choice((1, 1, 2, 3)))
         many.append(Settings(parameters={
             name: VALUES[name][0 if choose.random() < 0.3 else choose.randrange(len(VALUES[name]))] for name in names
         }))
     sound = check(rig, shared_store, many)
-    assert 12 < sound < 45, "the sweep has good and bad variants"
+    assert 6 < sound < 23, "the sweep has good and bad variants"
 
 
 def test_each_value_after_each_other_value(rig: Path, shared_store: str) -> None:
@@ -218,10 +218,10 @@ def test_minchw(shared_store: str) -> None:
     """Loops are closed again for each setting. Both legs of the robot are instances of one document with different parameters."""
     many = [
         Settings(parameters=parameters) for parameters in (
-            {}, {"front_leg": "80 mm"}, {"leg_length": "80 mm"}, {"rear_leg": "80 mm"}, {"leg_length": "10 mm"}, {},
+            {}, {"leg_length": "80 mm"}, {"rear_leg": "80 mm"}, {"leg_length": "10 mm"}, {},
         )
     ]
-    assert check(ROOT / "assemblies" / "minchw" / "minchw.yaml", shared_store, many, ("mjcf", "bom", "hag")) == 5
+    assert check(ROOT / "assemblies" / "minchw" / "minchw.yaml", shared_store, many, ("mjcf", "bom", "hag")) == 4
 
 
 def test_errors_in_documents_are_reported_by_every_compilation(rig: Path, shared_store: str) -> None:

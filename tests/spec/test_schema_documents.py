@@ -192,7 +192,7 @@ CHECKED = {
 }
 
 
-@settings(max_examples=500)
+@settings(max_examples=250)
 @given(name=st.sampled_from(sorted(CHECKED)), text=_PIECES)
 def test_patterns_accept_all_values_the_compiler_accepts(name: str, text: str) -> None:
     checked = CHECKED[name]

@@ -165,11 +165,11 @@ SIZES: dict[PrimitiveShape, int] = {"box": 3, "sphere": 1, "capsule": 2, "cylind
 
 
 def test_distances_of_random_primitives_match_mujoco(tmp_path: Path) -> None:
-    """40 pairs with random poses: `mj_geomDistance` is exact for separate convex shapes. Some of our shapes have facets."""
+    """20 pairs with random poses: `mj_geomDistance` is exact for separate convex shapes. Some of our shapes have facets."""
     source = np.random.default_rng(11)
     store = Store(str(tmp_path))
     apart = together = 0
-    for _ in range(40):
+    for _ in range(20):
         shapes = [str(shape) for shape in source.choice(list(SIZES), 2)]
         sizes = [source.uniform(0.005, 0.03, SIZES[shape]) for shape in shapes]
         places, turns = source.uniform(-0.05, 0.05, (2, 3)), Rotation.random(2, rng=source)
@@ -198,7 +198,7 @@ def test_distances_of_random_primitives_match_mujoco(tmp_path: Path) -> None:
         apart += 0 < expected < 0.02
         together += expected < 0
         assert (solids[0].overlap(solids[1])[0] > 0) == (expected < 0) or abs(expected) < 5e-5
-    assert apart > 10 and together > 5
+    assert apart > 5 and together > 2
 
 
 def test_fifty_positions_of_the_arm_take_seconds(root: Path, rig: Workspace) -> None:

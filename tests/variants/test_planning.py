@@ -184,7 +184,7 @@ def test_sampled_variants_equal_those_of_scipy(tmp_path: Path, shared_store: str
     assert {v.values["steps"] for v in found} == {2, 3, 4, 5}
 
 
-@settings(max_examples=25)
+@settings(max_examples=13)
 @given(st.sampled_from(["sobol", "lhs", "uniform"]), st.integers(1, 6), st.integers(1, 700), st.integers(0, 2**31 - 1))
 def test_points_are_reproducible_and_inside_the_cube(method: str, dimensions: int, count: int, seed: int) -> None:
     first, second = list(points(method, dimensions, count, seed)), list(points(method, dimensions, count, seed))
@@ -206,7 +206,7 @@ BOBS = st.lists(st.integers(1, 20000), min_size=1, max_size=5)
 LISTED = st.lists(st.tuples(st.integers(100, 105), st.integers(1, 4)), max_size=4)
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(LENGTHS, BOBS, LISTED)
 def test_plans_are_stable_and_ids_are_unique(
     tmp_path_factory: pytest.TempPathFactory, lengths: list[int], bobs: list[int], listed: list[tuple[int, int]],
