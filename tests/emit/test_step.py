@@ -106,6 +106,23 @@ def test_cad_kernel_reads_names_volumes_and_colours(service: GeometryService, sh
         assert leaves[path]["color"] == pytest.approx(color, abs=0.01)
 
 
+def test_shapes_of_part_files_have_the_name_of_their_component(service: GeometryService, shared_store: str, tmp_path: Path) -> None:
+    """Not the path of the file. Two components with one file share its shape."""
+    store = Store(shared_store)
+    whole = blocks(store, service)
+    plate, wedge = part("cad/base plate.step"), part("cad/sub/w-7.step")
+    record = {index: whole.occurrences[index].record for index in (0, 3)}
+    parts = ((0, "plate", plate, record[0]), (1, "hand/spare", plate, record[0]), (2, "hand/wedge", wedge, record[3]))
+    made = emit(request(replace(whole, occurrences=tuple(occurrence(*one, mass=0.1) for one in parts)), store, service))
+    written = made.files["step/arm.step"]
+    assert isinstance(written, StoredArtifact)
+    (tmp_path / "arm.step").write_bytes(store.read(written.sha256))
+    done = subprocess.run([sys.executable, str(READER), str(tmp_path / "arm.step")], capture_output=True, text=True, check=True)
+    leaves = json.loads(done.stdout.splitlines()[-1])["leaves"]
+    assert {path: leaf["definition"] for path, leaf in leaves.items()} == {"plate": "plate", "hand/spare": "plate", "hand/wedge": "wedge"}
+    assert {path: round(leaf["volume"]) for path, leaf in leaves.items()} == {"plate": 6000, "hand/spare": 6000, "hand/wedge": 10000}
+
+
 def test_output_is_deterministic(service: GeometryService, shared_store: str) -> None:
     store = Store(shared_store)
     whole = blocks(store, service)

@@ -39,7 +39,7 @@ PendingFile = tuple[Future[StoredFile] | None, tuple[Loss, ...]]
 
 def emit(request: EmitRequest) -> Artifacts:
     """Write a STEP file that contains one shape for each definition. Each occurrence is a coloured instance of a shape. The name of the
-    instance is the path of the occurrence.
+    instance is the path of the occurrence. The shape of a part file has the name of the first component that uses the file.
 
     The geometry service writes the file with the CAD kernel. Parts without a B-rep (meshes) and links with listed shapes are reported as
     export losses. If the robot has no geometry, no file is written, and an export loss is reported. If the CAD kernel fails, an error is
@@ -72,6 +72,7 @@ def begin(request: EmitRequest) -> PendingFile:
         return pending
     assembly = request.assembly
     instances: list[Placed] = []
+    names: dict[str, str] = {}
     losses: list[Loss] = []
     for occurrence in assembly.occurrences:
         record = occurrence.record
@@ -81,10 +82,10 @@ def begin(request: EmitRequest) -> PendingFile:
             what = f"`{occurrence.definition.label}` {'is a mesh' if record is not None else 'consists of shapes'} without exact surfaces"
             losses.append(Loss("step", None, occurrence.path, what, "omitted", occurrence.origin))
             continue
+        text, pose = occurrence.definition.text, assembly.rest[occurrence.index]
         # the kernel's own reader fails on a quotation mark in a product's name (OCCT 8.0: "Incorrect Syntax")
-        definition = occurrence.definition.text.replace("'", "")
-        pose = assembly.rest[occurrence.index]
-        instances.append(Placed(path=occurrence.path, definition=definition, brep=record.brep, pose=pose, color=occurrence.color))
+        name = names.setdefault(text, occurrence.component.key if occurrence.definition.kind == "file" else text.replace("'", ""))
+        instances.append(Placed(path=occurrence.path, definition=name, brep=record.brep, pose=pose, color=occurrence.color))
     file = in_background(partial(request.geometry.assemble, assembly.name, instances)) if instances else None
     pending = request.made["step"] = file, tuple(losses)
     return pending
