@@ -29,7 +29,7 @@ ORDER = (
 """Layers of the package and folders in them: a module may import from its own layer and from earlier ones."""
 ENTRIES = {"__init__.py", "__main__.py", "py.typed", *(room for room in ORDER if room.isidentifier() and not room.startswith("__"))}
 TYPES_ONLY = {("documents/checks", "thingc.model.resolve"), ("documents/checks", "thingc.model.assembly")}
-ALONE = {"geometry/things": ("thingc.base.interfaces",), "tools/templates": ()}
+ALONE = {"geometry/things": ("thingc.base.bom_values", "thingc.base.interfaces"), "tools/templates": ()}
 """Folders that import nothing else of thingc, except these modules: the first is the API for part authors, the second contains the files
 of new workspaces."""
 OF_EXTRAS = {

@@ -16,7 +16,9 @@ from emit.small_robot import assembly, petg, request
 from thingc.base.safe_text import format_cell
 from thingc.documents.load import csv_tree
 from thingc.documents.spec.catalog import CatalogRow
-from thingc.geometry.record import PartDefinition
+from thingc.geometry.lock import json_format
+from thingc.geometry.record import PartDefinition, PartRecord
+from thingc.geometry.record_json import record_from_json, record_to_json
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.types import Assembly, Occurrence
@@ -272,6 +274,55 @@ def test_bought_assembly_is_one_row(tmp_path: Path) -> None:
     assert len(rows) == 5, "the parts of a bought assembly have no rows"
     alike, _ = bill(tmp_path, robot=ROBOT.replace("mirror: x, ", "").replace(", cost: 3000 EUR", ""))
     assert next((row["quantity"], row["total"]) for row in alike if row["number"] == "RG2") == ("2", "5000 EUR")
+
+
+MOTORS = """\
+from build123d import Box
+from thingc import Thing
+
+class Motor(Thing):
+    bom = {
+        "number": "M-1", "supplier": "us", "cost": {10: "9.80 EUR", 1: "12.50 EUR"}, "link": "https://us.example/m1", "picture": "PICTURE",
+    }
+    def result(self):
+        return Box(10, 10, 10)
+    def mass(self):
+        return 0.1
+"""
+
+
+def motors(folder: Path, store: str, text: str, picture: str = "motor.png") -> list[dict[str, str]]:
+    """Return the rows of `bom.csv` for components of the class `Motor`, whose picture is in the folder of its module."""
+    (folder / "parts").mkdir()
+    for name, content in (("thingc.toml", 'thingc = "workspace/1"\n'), ("parts/motors.py", MOTORS.replace("PICTURE", picture)),
+                          ("parts/motor.png", "png"), ("catalog.csv", "number,cost,quantity\nM-1,8 EUR,1\nM-1,6 EUR,9\n")):
+        (folder / name).write_text(content)
+    (folder / "robot.yaml").write_text(f"thingc: assembly/1\nname: robot\ncomponents:\n  base: {{frame: true}}\n{text}")
+    built = thingc.compile(str(folder / "robot.yaml"), store=store)
+    return list(csv.DictReader(io.StringIO(csv_text(items(built.assembly)))))
+
+
+@pytest.mark.parametrize(("count", "more", "price"), [
+    (9, "", "12.50 EUR"), (10, "", "9.80 EUR"), (10, ", bom: {cost: 7 EUR}", "7 EUR"), (9, "}\ncatalog: catalog.csv #", "6 EUR"),
+])
+def test_part_classes_have_prices_by_quantity_and_pictures(tmp_path: Path, shared_store: str, count: int, more: str, price: str) -> None:
+    """Values of the document take precedence over those of the catalog, and these over those of the class."""
+    text = f"  motor: {{part: motors:Motor, repeat: {{count: {count}}}, at: {{in: base.origin}}{more}}}\n"
+    (row,) = motors(tmp_path, shared_store, text)
+    assert (row["number"], row["quantity"], row["cost"], row["supplier"]) == ("M-1", str(count), price, "us")
+    assert (row["link"], row["picture"]) == ("https://us.example/m1", "parts/motor.png")
+
+
+def test_picture_of_a_part_class_is_a_file_of_the_workspace(tmp_path: Path, shared_store: str) -> None:
+    with pytest.raises(thingc.CompileError, match="other.png"):
+        motors(tmp_path, shared_store, "  motor: {part: motors:Motor, at: {in: base.origin}}\n", "other.png")
+
+
+def test_prices_of_a_part_class_survive_the_lock_file() -> None:
+    record = PartRecord(text="motors:Motor", bom={"cost": {"1": "12.50 EUR", "10": "9.80 EUR"}, "make": "buy"})
+    values = json.loads(json.dumps(json_format.record_values(record)))
+    assert json_format.read_record("motors:Motor", values, "parts", None).bom == record.bom
+    assert record_from_json(record_to_json(record, "/w"), "/w").bom == record.bom
 
 
 @pytest.mark.parametrize(("catalog", "found"), [

@@ -185,17 +185,23 @@ def test_inspection_reads_material_bom_and_mounts() -> None:
 
 def test_class_attributes_of_wrong_type_are_reported() -> None:
     class Wrong(Thing):
-        bom = {"number": 3}  # type: ignore[dict-item]
         actuator = "strong"  # type: ignore[assignment]
 
-    with pytest.raises(TypeError, match=r"^`bom` of `Wrong` must map strings to strings, found \{'number': 3\}$"):
-        inspection.bom_of(Wrong())
-    Wrong.bom = {"number": "3", "colour": "red"}
-    known = "`cost`, `link`, `make`, `name`, `number`, `supplier`"
-    with pytest.raises(TypeError, match=f"^`bom` of `Wrong` has the unknown key `colour`; use {known}$"):
-        inspection.bom_of(Wrong())
-    Wrong.bom = dict.fromkeys(("number", "name", "supplier", "cost", "make", "link"), "x")
-    assert inspection.bom_of(Wrong()) == Wrong.bom
+    for bom, reason in (
+        (["buy"], r"must be a mapping, found \['buy'\]"), ({"number": 3}, "has an invalid number: expected a string, found 3"),
+        ({"number": "3", "colour": "red"}, "has the unknown key `colour`; use `cost`, `link`, `make`, `name`, `number`, `picture`, `supp"),
+        ({"cost": "12.50"}, "has an invalid cost: expected an amount and a currency, such as `12.50 EUR`, found '12.50'"),
+        ({"cost": {"1": "1 EUR", "10": "0,9 EUR"}}, "has an invalid cost: .*, found '0,9 EUR'"), ({"cost": {}}, "has an invalid cost"),
+        ({"cost": {0: "1 EUR"}}, "has an invalid quantity: expected a positive whole number, found '0'"),
+        ({"make": "weld"}, "has an invalid make: expected `buy`, `print` or `machine`, found 'weld'"),
+        ({"link": "www.example.com"}, "has an invalid link: expected a web address"), ({"picture": "motor.bmp"}, "has an invalid picture"),
+    ):
+        Wrong.bom = bom  # type: ignore[assignment]
+        with pytest.raises(TypeError, match=f"^`bom` of `Wrong` {reason}"):
+            inspection.bom_of(Wrong())
+    right = {"number": "3", "name": "x", "supplier": "us", "make": "print", "link": "https://a.b", "picture": "motor.PNG"}
+    Wrong.bom = {**right, "cost": {1: "12.50 EUR", 10: "9 EUR"}}
+    assert inspection.bom_of(Wrong()) == {**right, "cost": {"1": "12.50 EUR", "10": "9 EUR"}}
     for part in (Wrong, Wrong()):
         with pytest.raises(TypeError, match="^`actuator` must be an Actuator, found 'strong'$"):
             inspection.actuator_of(part)

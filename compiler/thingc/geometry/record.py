@@ -25,6 +25,9 @@ from thingc.geometry.print_slices import SliceFailure, SliceResult, Slicing
 Value = float | int | bool | str
 """A canonical parameter value: a float in SI units for a quantity, an int for a whole number, a string or a bool."""
 
+Bom = dict[str, str | dict[str, str]]
+"""Values for the bill of materials by key. `cost` is a price per piece, or prices by the smallest quantities for which they apply."""
+
 WHOLE = frozenset({"count", "integer"})
 """Kinds of parameters that are whole numbers."""
 
@@ -341,7 +344,7 @@ class PartRecord(OneLineRepr, FrozenStruct):
     com: DeclaredValue[Vector] | None = None
     matrix: DeclaredValue[Matrix] | None = None
     density: DeclaredValue[float] | None = None
-    bom: dict[str, str] = {}
+    bom: Bom = {}
     warnings: tuple[PartWarning, ...] = ()
     fits: dict[str, Primitive] = {}
     meshes: dict[str, Mesh] = {}

@@ -8,6 +8,7 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
+from thingc.base.bom_values import PICTURE_SUFFIXES
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.filesystem import beginning
 from thingc.base.frozen_struct import FrozenStruct
@@ -406,6 +407,6 @@ _REFERENCED = {
     "assembly": ("an assembly document", DOCUMENT_SUFFIXES), "materials": ("a materials document", DOCUMENT_SUFFIXES),
     "catalog": ("a catalogue", CATALOG_SUFFIXES), "motion": ("a CSV file of a motion", CATALOG_SUFFIXES),
     "file": ("a part file", paths.PART_SUFFIXES), "mesh": ("a mesh file", paths.MESH_SUFFIXES),
-    "picture": ("a picture", paths.PICTURE_SUFFIXES),
+    "picture": ("a picture", PICTURE_SUFFIXES),
 }
 """The kinds of documents and files that a document can reference, with a description and the possible file extensions."""

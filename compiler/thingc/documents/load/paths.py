@@ -21,7 +21,6 @@ OWN_SUFFIXES = (".thingc.yaml", ".thingc.yml", ".thingc.toml")
 """Extensions of files that are documents even without the key `thingc`."""
 PART_SUFFIXES = (".step", ".stp", ".brep", ".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf")
 CATALOG_SUFFIXES = (".csv",)
-PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".svg")
 MESH_SUFFIXES = (".stl", ".obj", ".dae", ".ply", ".glb")
 """Extensions of mesh files of links."""
 SUFFIXES_WITH_UNIT = (".step", ".stp", ".3mf", ".glb", ".gltf", ".dae")

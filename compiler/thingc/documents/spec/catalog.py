@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from typing import Annotated
 
+from thingc.base.bom_values import QUANTITY
 from thingc.documents.spec.base import Model
 from thingc.documents.spec.fields import CostField, LinkField, text_field
 
-_PIECES = "[1-9][0-9]{0,8}"
-_QUANTITY_SCHEMA = {"pattern": f"^{_PIECES}$", "description": "A number of pieces.", "examples": ["10"]}
-QuantityText = Annotated[str, text_field(re.compile(_PIECES).fullmatch, "a positive whole number", "10", _QUANTITY_SCHEMA)]
+_QUANTITY_SCHEMA = {"pattern": f"^{QUANTITY.pattern}$", "description": "A number of pieces.", "examples": ["10"]}
+QuantityText = Annotated[str, text_field(QUANTITY.fullmatch, "a positive whole number", "10", _QUANTITY_SCHEMA)]
 
 
 class CatalogRow(Model):

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 from pydantic_core import PydanticCustomError, core_schema
 
 from thingc.base import units
+from thingc.base.bom_values import COST, LINK
 from thingc.base.one_line_repr import format_count
 from thingc.base.suggestions import Hint, Suggestion, near_hint
 from thingc.base.units import Dimension, Quantity, UnitError, check_dimension, parse_quantity, scan_number, shorten, suggested_units
@@ -400,12 +401,11 @@ def _number(value: Any) -> Value:
     return read_value(value, (units.NUMBER,), "a number", "0.4")
 
 
-_COST = re.compile(r"\d+(?:\.\d+)? [A-Z]{3}", re.ASCII)
 
 
 def _cost(value: Any) -> str:
     """Validate a cost: an amount with a currency, such as `12.50 EUR`. The string is returned unchanged."""
-    if isinstance(value, str) and _COST.fullmatch(value):
+    if isinstance(value, str) and COST.fullmatch(value):
         return value
     amount = value if isinstance(value, (int, float)) and not isinstance(value, bool) else "12.50"
     raise fault(
@@ -414,7 +414,6 @@ def _cost(value: Any) -> str:
     )
 
 
-_LINK = re.compile(r"https?://[^\s\"<>]+")
 _ANY_SCHEMA = {
     "description": "A quantity with its unit, a number, an expression such as `=reach / 2`, a boolean or a string.",
     "examples": ["120 mm", 6, "=reach / 2", True],
@@ -465,6 +464,6 @@ Index = Annotated[str, FieldValidator(_index, "the index of a coordinate", _INDE
 ReferenceField = Annotated[str, FieldValidator(_reference, "a reference", _REFERENCE_SCHEMA)]
 ColorField = Annotated[str, FieldValidator(_color, "a colour", _COLOR_SCHEMA)]
 CostField = Annotated[str, FieldValidator(_cost, "an amount and a currency", _COST_SCHEMA)]
-LinkField = Annotated[str, text_field(_LINK.fullmatch, "a web address", "https://www.example.com/xm430", _LINK_SCHEMA)]
+LinkField = Annotated[str, text_field(LINK.fullmatch, "a web address", "https://www.example.com/xm430", _LINK_SCHEMA)]
 CountField = Annotated[Union[int, Expression], FieldValidator(_count, "a whole number", _COUNT_SCHEMA)]
 NumberField = Annotated[Value, FieldValidator(_number, "a number", _NUMBER_SCHEMA)]

@@ -19,27 +19,13 @@ from thingc.base.inertia import physical_fault
 from thingc.base.interfaces import MatingFeature
 from thingc.base.numeric import hypot, sum_of
 from thingc.base.pose import Matrix, Pose, Vector
+from thingc.geometry import record as records
 from thingc.geometry.print_slices import Moments, SliceFailure, SliceResult, Slicing
-from thingc.geometry.record import (
-    DIMENSIONS,
-    WHOLE,
-    ActuatorRecord,
-    DeclaredValue,
-    ImpureInputs,
-    MountExpectation,
-    MountRecord,
-    ParameterKind,
-    ParameterSchema,
-    PartRecord,
-    PartSchema,
-    PartWarning,
-    SchemaKind,
-)
 
 UNITS = {"length": "m", "angle": "rad", "mass": "kg"}
 """The units that are written to the lock file for human readers. All values are in SI units."""
 
-CONTINUOUS = frozenset(DIMENSIONS) - WHOLE
+CONTINUOUS = frozenset(records.DIMENSIONS) - records.WHOLE
 """Kinds of parameters that are floats."""
 
 _ORTHOGONAL = 1e-6
@@ -102,7 +88,7 @@ def _json_values(struct: FrozenStruct) -> dict[str, Any]:
 class LockedParameter(FrozenStruct, omit_defaults=True):
     """A parameter of a part. `unit` is for human readers. A parameter without `default` is required."""
 
-    kind: ParameterKind
+    kind: records.ParameterKind
     unit: str | None = None
     default: _Value | None = None
     minimum: float | None = None
@@ -110,17 +96,17 @@ class LockedParameter(FrozenStruct, omit_defaults=True):
     choices: tuple[_Value, ...] = ()
     doc: str = ""
 
-    def schema(self, name: str, path: str) -> ParameterSchema:
+    def schema(self, name: str, path: str) -> records.ParameterSchema:
         """Return the parameter of the part schema. Raises `BadLock`, with this `path`, for an invalid default value."""
         default = self.default
         if self.kind == "choice" and not self.choices:
             raise BadLock(path, "expected at least one choice")
         if default is not None and not self._is_value(default):
-            expected = "whole number" if self.kind in WHOLE else self.kind
+            expected = "whole number" if self.kind in records.WHOLE else self.kind
             raise BadLock(f"{path}.default", f"expected a {expected}, found {default!r}")
         if isinstance(default, int) and self.kind in CONTINUOUS:
             default = float(default)
-        return ParameterSchema(
+        return records.ParameterSchema(
             name=name, kind=self.kind, required=default is None, default=default, minimum=self.minimum, maximum=self.maximum,
             choices=self.choices, doc=self.doc,
         )
@@ -130,7 +116,7 @@ class LockedParameter(FrozenStruct, omit_defaults=True):
             return value in self.choices
         if isinstance(value, (bool, str)):
             return self.kind == ("flag" if isinstance(value, bool) else "text")
-        return self.kind in CONTINUOUS or self.kind in WHOLE and isinstance(value, int)
+        return self.kind in CONTINUOUS or self.kind in records.WHOLE and isinstance(value, int)
 
 
 class LockedSchema(FrozenStruct):
@@ -138,21 +124,21 @@ class LockedSchema(FrozenStruct):
     because every edit above the class changes it.
     """
 
-    kind: SchemaKind
+    kind: records.SchemaKind
     doc: str
     material: str | None
     actuator: bool
     parameters: dict[str, LockedParameter]
 
-    def schema(self, reference: str, path: str) -> PartSchema:
+    def schema(self, reference: str, path: str) -> records.PartSchema:
         """Return the schema of the part `module:Class`, whose JSON is at `path`. Raises `BadLock` for an invalid default value."""
-        return PartSchema(
+        return records.PartSchema(
             reference=reference, kind=self.kind, doc=self.doc, material=self.material, actuator=self.actuator, file="", line=0,
             parameters=tuple(one.schema(name, f"{path}.parameters.{name}") for name, one in self.parameters.items()),
         )
 
 
-def schema_values(schema: PartSchema) -> dict[str, Any]:
+def schema_values(schema: records.PartSchema) -> dict[str, Any]:
     """Convert a part schema to JSON values, the form of `LockedSchema`."""
     parameters = {
         one.name: LockedParameter(
@@ -178,7 +164,7 @@ class LockedMount(FrozenStruct, omit_defaults=True):
     features: tuple[MatingFeature, ...] = ()
     contradictions: tuple[str, ...] = ()
 
-    def record(self, path: str) -> MountRecord:
+    def record(self, path: str) -> records.MountRecord:
         """Return the mount of the part record. Raises `BadLock`, with this `path`, if the nine numbers are not a rotation matrix."""
         rows = _rows(self.pose[:9])
         for i, row in enumerate(rows):
@@ -186,10 +172,10 @@ class LockedMount(FrozenStruct, omit_defaults=True):
                 if abs(sum_of(a * b for a, b in zip(row, other, strict=True)) - (i == j)) > _ORTHOGONAL:
                     raise BadLock(f"{path}.pose", "expected a rotation (nine numbers, the rows of a rotation matrix) and a position")
         x, y, z = self.pose[9:]
-        return MountRecord(**{**asdict(self), "pose": Pose(rotation=rows, translation=(x, y, z))})
+        return records.MountRecord(**{**asdict(self), "pose": Pose(rotation=rows, translation=(x, y, z))})
 
 
-class LockedActuator(ActuatorRecord, omit_defaults=True):
+class LockedActuator(records.ActuatorRecord, omit_defaults=True):
     """The actuator of a part. The lock file always contains the gear ratio and the sources."""
 
     gear_ratio: float
@@ -236,30 +222,32 @@ class LockedRecord(FrozenStruct, omit_defaults=True):
     box: _Six | None
     mounts: dict[str, LockedMount]
     references: tuple[str, ...] = ()
-    expectations: tuple[MountExpectation, ...] = ()
+    expectations: tuple[records.MountExpectation, ...] = ()
     actuator: LockedActuator | None = None
-    mass: DeclaredValue[float] | None = None
-    com: DeclaredValue[Vector] | None = None
-    matrix: DeclaredValue[_Nine] | None = None  # type: ignore[type-var]
-    density: DeclaredValue[float] | None = None
+    mass: records.DeclaredValue[float] | None = None
+    com: records.DeclaredValue[Vector] | None = None
+    matrix: records.DeclaredValue[_Nine] | None = None  # type: ignore[type-var]
+    density: records.DeclaredValue[float] | None = None
     up: Vector | None = None
     slices: tuple[dict[str, Any], ...] = ()
-    bom: dict[str, str] = {}
+    bom: records.Bom = {}
     warnings: tuple[str, ...] = ()
-    asks: tuple[tuple[ImpureInputs, str], ...] = ()
+    asks: tuple[tuple[records.ImpureInputs, str], ...] = ()
     apart: tuple[float, ...] = ()
     own_image: bool = False
 
 
-def record_values(record: PartRecord) -> dict[str, Any]:
+def record_values(record: records.PartRecord) -> dict[str, Any]:
     """Convert a part record to JSON values, the form of `LockedRecord`. This function is the inverse of `read_record`."""
+    actuator = record.actuator
     return _json_values(LockedRecord(
         material=record.material, color=record.color, volume=_round(record.volume), area=_round(record.area),
         centre=_round_all(record.centre), inertia=_round_all(_flat(record.inertia)),
         box=None if record.box is None else _round_all(_flat(record.box)),
         mounts={name: _locked_mount(mount) for name, mount in record.mounts.items()},
         references=record.references, expectations=record.expectations,
-        actuator=None if record.actuator is None else _locked_actuator(record.actuator), mass=record.mass, com=record.com,
+        actuator=None if actuator is None else LockedActuator(**{**asdict(actuator), "sources": dict(sorted(actuator.sources.items()))}),
+        mass=record.mass, com=record.com,
         matrix=None if record.matrix is None else replace(record.matrix, value=_flat(record.matrix.value)),  # type: ignore[arg-type]
         density=record.density,
         up=record.up, slices=tuple(_slice_values(*one) for one in sorted(record.slices.items(), key=repr)),
@@ -269,11 +257,7 @@ def record_values(record: PartRecord) -> dict[str, Any]:
     ))
 
 
-def _locked_actuator(actuator: ActuatorRecord) -> LockedActuator:
-    return LockedActuator(**{**asdict(actuator), "sources": dict(sorted(actuator.sources.items()))})
-
-
-def _locked_mount(mount: MountRecord) -> LockedMount:
+def _locked_mount(mount: records.MountRecord) -> LockedMount:
     numbers = _round_all((*_flat(mount.pose.rotation), *mount.pose.translation))
     return LockedMount(**{**asdict(mount), "pose": numbers})
 
@@ -297,7 +281,7 @@ def _round(value: float) -> float:
     return 0.0 if abs(value) < _NOTHING else float(f"{value:.12g}")
 
 
-def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) -> PartRecord:
+def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) -> records.PartRecord:
     """Parse the part record of the definition `text`, without meshes.
 
     `code` is the file and the line of the part's class. Raises `BadLock` if the lock file contains an invalid value.
@@ -305,16 +289,16 @@ def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) 
     locked = read_value(value, LockedRecord, path)
     _check_direction(locked.up, f"{path}.up")
     unchanged = {key: one for key, one in asdict(locked).items() if key != "asks"}
-    return PartRecord(**{
+    return records.PartRecord(**{
         **unchanged, "text": text, "code": code, "inertia": _rows(locked.inertia),
         "box": locked.box and (locked.box[:3], locked.box[3:]),
         "mounts": {name: mount.record(f"{path}.mounts.{name}") for name, mount in locked.mounts.items()},
-        "actuator": locked.actuator and ActuatorRecord(**asdict(locked.actuator)),
+        "actuator": locked.actuator and records.ActuatorRecord(**asdict(locked.actuator)),
         "matrix": locked.matrix and replace(locked.matrix, value=_rows(locked.matrix.value)),
         "slices": dict(_read_slice(one, f"{path}.slices") for one in locked.slices),
         "warnings": (
-            *(PartWarning(message=message) for message in locked.warnings),
-            *(PartWarning(message=message, asked=asked) for asked, message in locked.asks),
+            *(records.PartWarning(message=message) for message in locked.warnings),
+            *(records.PartWarning(message=message, asked=asked) for asked, message in locked.asks),
         ),
     })
 

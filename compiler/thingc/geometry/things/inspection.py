@@ -11,6 +11,7 @@ import functools
 import inspect
 import linecache
 import math
+import re
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
@@ -20,6 +21,7 @@ from typing import Any, Literal, TypeAlias, Union, cast
 from build123d.build_enums import Select
 from build123d.topology import Compound, Shape
 
+from thingc.base.bom_values import COST, LINK, PICTURE_SUFFIXES, QUANTITY
 from thingc.geometry.things.actuator import Actuator, check_sourced
 from thingc.geometry.things.construction import create_thing, family_signature, make
 from thingc.geometry.things.mounts import MountPoint
@@ -28,8 +30,13 @@ from thingc.geometry.things.signature import Signature, annotation_of, signature
 from thingc.geometry.things.thing import Geometry, Thing
 
 PartLike: TypeAlias = "type[Thing] | type[Shape[Any]] | Callable[..., Shape[Any]]"
-BOM_KEYS = ("number", "name", "supplier", "cost", "make", "link")
-"""The keys of the attribute `bom` of a Thing. Only documents and catalogues contain pictures and prices by quantity."""
+_TEXT = re.compile(".*", re.DOTALL), "a string"
+_BOM_FORMS: dict[str, tuple[re.Pattern[str], str]] = {
+    "number": _TEXT, "name": _TEXT, "supplier": _TEXT, "cost": (COST, "an amount and a currency, such as `12.50 EUR`"),
+    "make": (re.compile("buy|print|machine"), "`buy`, `print` or `machine`"), "link": (LINK, "a web address"),
+    "picture": (re.compile(f".+({'|'.join(map(re.escape, PICTURE_SUFFIXES))})", re.IGNORECASE), f"a file {' '.join(PICTURE_SUFFIXES)}"),
+}
+"""The keys of the attribute `bom` of a Thing, and the forms of their values."""
 Vector: TypeAlias = tuple[float, float, float]
 Matrix: TypeAlias = tuple[Vector, Vector, Vector]
 
@@ -260,16 +267,27 @@ def color_of(thing: Thing) -> str | None:
     return thing._construction.color
 
 
-def bom_of(thing: Thing) -> dict[str, str]:
-    """Return the entries of the part for the bill of materials. Raises `TypeError` if the attribute `bom` is not a mapping of strings, or
-    if it has a key that is not in `BOM_KEYS`.
-    """
-    bom, what = thing.bom, f"`bom` of `{type(thing).__name__}`"
-    if not isinstance(bom, Mapping) or not all(isinstance(text, str) for pair in bom.items() for text in pair):
-        raise TypeError(f"{what} must map strings to strings, found {bom!r}")
-    for key in sorted(bom.keys() - BOM_KEYS):
-        raise TypeError(f"{what} has the unknown key `{key}`; use {', '.join(f'`{known}`' for known in sorted(BOM_KEYS))}")
-    return dict(bom)
+def bom_of(thing: Thing) -> dict[str, str | dict[str, str]]:
+    """Return the entries of the part for the bill of materials. Raises `TypeError` if `bom` is not a mapping, or has an invalid entry."""
+    what, bom = f"`bom` of `{type(thing).__name__}`", thing.bom
+    if not isinstance(bom, Mapping):
+        raise TypeError(f"{what} must be a mapping, found {bom!r}")
+
+    def check(key: str, value: object, form: re.Pattern[str], expected: str) -> str:
+        if not isinstance(value, str) or not form.fullmatch(value):
+            raise TypeError(f"{what} has an invalid {key}: expected {expected}, found {value!r}")
+        return value
+
+    values: dict[str, str | dict[str, str]] = {}
+    for key, value in bom.items():
+        if key not in _BOM_FORMS:
+            raise TypeError(f"{what} has the unknown key `{key}`; use {', '.join(f'`{known}`' for known in sorted(_BOM_FORMS))}")
+        prices = value if key == "cost" and isinstance(value, Mapping) else {}
+        values[key] = {
+            check("quantity", str(least), QUANTITY, "a positive whole number"): check(key, price, *_BOM_FORMS[key])
+            for least, price in prices.items()
+        } or check(key, value, *_BOM_FORMS[key])
+    return values
 
 
 def up_of(thing: Thing) -> Vector | None:

@@ -36,8 +36,10 @@ class Thing(Framed, metaclass=ThingType):
     parameters return the same object, which is immutable after `__init__`.
     """
 
-    bom: Mapping[str, str] = MappingProxyType({})
-    """Entries for the bill of materials. The keys are `number`, `name`, `supplier`, `cost`, `link` and `make` (`buy | print | machine`)."""
+    bom: Mapping[str, str | Mapping[int, str]] = MappingProxyType({})
+    """Entries for the bill of materials. The keys are `number`, `name`, `supplier`, `cost` (a price, or prices by quantity), `link`,
+    `picture` and `make` (`buy | print | machine`).
+    """
     print: Mapping[str, Sequence[float]] = MappingProxyType({})
     """Print settings of the part. The key `up` is the direction away from the print bed, as three numbers in the frame of the Thing. By
     default, this direction is z.

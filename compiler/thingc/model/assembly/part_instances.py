@@ -18,6 +18,7 @@ from thingc.model.assembly.mass import NOTHING, MassResult, component_mass, mate
 from thingc.model.assembly.report import LinkReport, written_at
 from thingc.model.assembly.shape_links import Meshes, MissingDensity, list_shapes, warn_far, weigh_shapes
 from thingc.model.assembly.types import PartInstance
+from thingc.model.resolve.bom import entry_of
 from thingc.model.resolve.link_definition import LinkDefinition, mesh_files_of
 from thingc.model.resolve.parts import FAILURES
 from thingc.model.resolve.plausibility import density_cure, density_doubt, mass_doubt, mass_words, said_by_file
@@ -427,9 +428,8 @@ def bom_of(component: Component, record: PartRecord | None, scope: AssemblyDefin
 
     Values in the document take precedence over values in its catalogue, and these over values in the part class.
     """
-    stated = record.bom if record is not None else {}
-    number, supplier, cost, make, link = map(stated.get, ("number", "supplier", "cost", "make", "link"))
-    of_class = BomEntry(number=number, supplier=supplier, cost=cost, make=make, link=link)
+    stated = {key: value for key, value in record.bom.items() if key != "name"} if record is not None else {}
+    of_class = entry_of(stated.pop("cost", None), **stated)
     number = component.bom.number or of_class.number
     return component.bom.merge_over(scope.catalog.get(number, BomEntry()) if number is not None else BomEntry()).merge_over(of_class)
 

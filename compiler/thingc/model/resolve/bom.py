@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import posixpath
+from collections.abc import Mapping
+from typing import Any
 
 from thingc.base.diagnostics import Code
 from thingc.documents.spec.assembly import AssemblySpec
@@ -16,12 +18,18 @@ def bom_entry(scope: Scope, layers: DefaultLayers) -> BomEntry:
     """Return the entry of a component in the bill of materials. Missing keys come from the defaults in `layers`."""
     lines = layers.sub("bom")
     texts = {key: lines.pick(key).value for key in ("number", "supplier", "make", "link")}
-    cost, picture = lines.pick("cost").value, lines.pick("picture").value
-    prices = cost if isinstance(cost, dict) else {}
-    return BomEntry(
-        **texts, cost=None if prices else cost, prices=_sorted_prices(prices), one=bool(lines.pick("as_")),
+    picture = lines.pick("picture").value
+    return entry_of(
+        lines.pick("cost").value, **texts, one=bool(lines.pick("as_")),
         picture=None if picture is None else path_in_workspace(scope.document.relative, picture),
     )
+
+
+def entry_of(cost: str | Mapping[str, str] | None, **values: Any) -> BomEntry:
+    """Return an entry with a price per piece, or with prices by the smallest quantities for which they apply."""
+    if cost is None or isinstance(cost, str):
+        return BomEntry(**values, cost=cost)
+    return BomEntry(**values, prices=tuple(sorted((int(least), price) for least, price in cost.items())))
 
 
 def catalog(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str, BomEntry]:
@@ -44,15 +52,10 @@ def catalog(context: ResolveRun, scope: Scope, spec: AssemblySpec) -> dict[str, 
                 help=f"set `{key}` only in the first row" if differ else "remove one of the rows, or set another quantity",
             )
         alike.append(row)
-    return {number: BomEntry(
-        supplier=first.supplier, link=first.link,
+    return {number: entry_of(
+        {row.quantity: row.cost for row in (first, *others) if row.cost is not None}, supplier=first.supplier, link=first.link,
         picture=None if first.picture is None else path_in_workspace(document.relative, first.picture),
-        prices=_sorted_prices({row.quantity: row.cost for row in (first, *others) if row.cost is not None}),
     ) for number, (first, *others) in rows.items()}
-
-
-def _sorted_prices(prices: dict[str, str]) -> tuple[tuple[int, str], ...]:
-    return tuple(sorted((int(least), price) for least, price in prices.items()))
 
 
 def path_in_workspace(document: str, text: str) -> str:

@@ -192,8 +192,8 @@ def emit(request: EmitRequest) -> Artifacts:
 
 def plain_name(occurrence: Occurrence) -> str:
     """Return the name of the Thing, or else of its class, of its file without suffix, or of the component."""
-    if occurrence.record is not None and occurrence.record.bom.get("name"):
-        return occurrence.record.bom["name"]
+    if occurrence.record is not None and (name := occurrence.record.bom.get("name")):
+        return str(name)
     definition = occurrence.definition
     if definition.kind == "part":
         return definition.reference.rpartition(":")[2]

@@ -26,25 +26,13 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.primitives import Primitive
 from thingc.base.units import parse_quantity
 from thingc.documents.workspace import Tessellation
+from thingc.geometry import record as records
 from thingc.geometry.declared_interfaces import contradictions
-from thingc.geometry.record import (
-    FILE_UNIT,
-    LABEL_DIGITS,
-    ActuatorRecord,
-    Declared,
-    DeclaredValue,
-    Mesh,
-    MountExpectation,
-    MountRecord,
-    PartRecord,
-    PartWarning,
-    definition_label,
-    definition_text,
-    format_value,
-)
 from thingc.geometry.record_json import record_to_json, to_json
 from thingc.geometry.store.local import Store, StoreUnusable
 from thingc.geometry.things import inspection
+from thingc.geometry.things.assets import asset
+from thingc.geometry.things.thing import Thing
 from thingc.geometry.worker.kernel import convert, meshing
 from thingc.geometry.worker.kernel.bounding_primitives import fit_all
 from thingc.geometry.worker.kernel.feature_search import features_of
@@ -97,7 +85,7 @@ class BuiltPart(FrozenStruct):
     """
 
     shapes: Sequence[TopoDS_Shape]
-    record: PartRecord
+    record: records.PartRecord
     visual: Sequence[TopoDS_Shape] = ()
     collision: Sequence[TopoDS_Shape] = ()
     one: bool = False
@@ -127,7 +115,8 @@ def build_part(definition: dict[str, Any], tessellations: Tessellations, context
             pieces, hull_warnings = _pieces(built.collision, tessellations.simulation, store)
             record = replace(record, pieces=pieces, warnings=(*record.warnings, *hull_warnings))
             python_warnings = dict.fromkeys(  # warnings about lines in libraries are omitted
-                PartWarning(message=str(one.message), file=one.filename, line=one.lineno) for one in caught if session.is_own(one.filename)
+                records.PartWarning(message=str(one.message), file=one.filename, line=one.lineno)
+                for one in caught if session.is_own(one.filename)
             )
             part_warnings = (*record.warnings, *python_warnings, *session.impure_inputs.found)
             answer = {"record": record_to_json(replace(record, warnings=part_warnings), context.root)}
@@ -175,12 +164,12 @@ def _from_code(definition: dict[str, Any], session: PartSession) -> BuiltPart:
     color, color_warnings = _color(inspection.color_of(thing), {hexadecimal(shape.color) for shape in shapes if shape.color is not None})
     actuator = inspection.actuator_of(thing)
     visual, collision = _shapes(thing.visual(), "visual"), _shapes(thing.collision(), "collision")
-    record = PartRecord(
+    record = records.PartRecord(
         text=definition["text"],
         material=inspection.material_of(thing),
         color=color,
         mounts={
-            name: MountRecord(
+            name: records.MountRecord(
                 pose=convert.pose(mount.location.wrapped.Transformation()), interface=mount.interface,
                 tolerance=None if mount.tolerance is None else convert.length(mount.tolerance),
                 features=tuple(feature.in_units(convert.length, math.radians) for feature in mount.features),
@@ -189,23 +178,34 @@ def _from_code(definition: dict[str, Any], session: PartSession) -> BuiltPart:
         },
         references=inspection.references_of(thing),
         expectations=tuple(_expectation(expected) for expected in inspection.expectations_of(thing)),
-        actuator=msgspec.convert(actuator, ActuatorRecord | None, from_attributes=True),
+        actuator=msgspec.convert(actuator, records.ActuatorRecord | None, from_attributes=True),
         mass=_read_declared(mass, float), com=_read_declared(centre, convert.vector), matrix=_read_declared(matrix, convert.matrix),
         density=_read_declared(density, float),
-        bom=inspection.bom_of(thing), up=inspection.up_of(thing), warnings=color_warnings,
+        bom=_bom(thing, part), up=inspection.up_of(thing), warnings=color_warnings,
         code=None if definition["placed"] else inspection.code_location(part),
     )
     is_one = kind != "shape" and inspection.is_one_solid(geometry)  # users cannot change a library's shape class
     return BuiltPart(shapes=_round(shapes), visual=_round(visual), collision=_round(collision), record=record, one=is_one)
 
 
+def _bom(thing: Thing, part: inspection.PartLike) -> records.Bom:
+    """Return the entries of a part for the bill of materials, with the path of its picture relative to the workspace."""
+    bom, code = inspection.bom_of(thing), inspection.code_location(part) if "picture" in thing.bom else None
+    if code is not None:
+        picture = os.path.relpath(asset(str(bom["picture"]), beside=code[0])).replace(os.sep, "/")  # the working folder is the workspace
+        if picture.startswith("../"):
+            raise ValueError(f"the picture `{bom['picture']}` is outside of the workspace")
+        bom["picture"] = picture
+    return bom
+
+
 def _from_file(definition: dict[str, Any], context: RequestContext) -> BuiltPart:
-    unit = parse_quantity(f"1 {definition['parameters'].get('unit', FILE_UNIT)}").value * convert.MM
+    unit = parse_quantity(f"1 {definition['parameters'].get('unit', records.FILE_UNIT)}").value * convert.MM
     shapes, colors, repairs = read_part(os.path.join(context.root, definition["reference"]), unit)
     color, color_warnings = _color(None, colors)
-    warnings = (*color_warnings, *(PartWarning(message=repair) for repair in repairs))
+    warnings = (*color_warnings, *(records.PartWarning(message=repair) for repair in repairs))
     return BuiltPart(
-        shapes=shapes, record=PartRecord(text=definition["text"], color=color, warnings=warnings), file=True,
+        shapes=shapes, record=records.PartRecord(text=definition["text"], color=color, warnings=warnings), file=True,
         faceted=definition["reference"].lower().endswith(SUFFIXES), faces=definition["parameters"].get("faces"),
     )
 
@@ -254,35 +254,36 @@ def _round(shapes: Iterable[Any]) -> list[TopoDS_Shape]:
     return rounded
 
 
-def _read_declared(statement: Any, converted: Callable[[Any], Declared]) -> DeclaredValue[Declared] | None:
-    return None if statement is None else DeclaredValue(value=converted(statement.value), source=statement.source)
+def _read_declared(statement: Any, converted: Callable[[Any], records.Declared]) -> records.DeclaredValue[records.Declared] | None:
+    return None if statement is None else records.DeclaredValue(value=converted(statement.value), source=statement.source)
 
 
-def _expectation(expected: Any) -> MountExpectation:
+def _expectation(expected: Any) -> records.MountExpectation:
     family = expected.family
     schemas = {parameter.name: parameter for parameter in inspection.parameters_of(family)}
     values = {name: convert.to_si(schemas[name].kind, value) for name, value in expected.parameters.items() if name in schemas}
     defaults = {name: convert.to_si(p.kind, p.default) for name, p in schemas.items() if not p.required}
     named = (f"{family.__module__}:{family.__qualname__}", values, defaults)
-    texts = {name: format_value(schemas[name].kind, value, LABEL_DIGITS) for name, value in values.items()}
-    return MountExpectation(
-        mount=expected.mount, text=definition_text(*named), label=definition_label(*named, texts), child_mount=expected.child_mount,
+    texts = {name: records.format_value(schemas[name].kind, value, records.LABEL_DIGITS) for name, value in values.items()}
+    return records.MountExpectation(
+        mount=expected.mount, child_mount=expected.child_mount,
+        text=records.definition_text(*named), label=records.definition_label(*named, texts),
     )
 
 
-def _color(declared: str | None, of_shapes: set[str]) -> tuple[str | None, tuple[PartWarning, ...]]:
+def _color(declared: str | None, of_shapes: set[str]) -> tuple[str | None, tuple[records.PartWarning, ...]]:
     if declared is not None:
         try:
             return hex_colour(declared), ()
         except ValueError:
-            return None, (PartWarning(message=f"`{declared}` is not a colour: use a CSS colour name or `#rrggbb`"),)
+            return None, (records.PartWarning(message=f"`{declared}` is not a colour: use a CSS colour name or `#rrggbb`"),)
     if len(of_shapes) > 1:
         names = ", ".join(f"`{color}`" for color in sorted(of_shapes))
-        return None, (PartWarning(message=f"expected one colour, found {names}: the material determines the colour"),)
+        return None, (records.PartWarning(message=f"expected one colour, found {names}: the material determines the colour"),)
     return next(iter(of_shapes), None), ()
 
 
-def _measure(built: BuiltPart, tessellations: Tessellations, store: Store) -> PartRecord:
+def _measure(built: BuiltPart, tessellations: Tessellations, store: Store) -> records.PartRecord:
     """Measure and mesh the solids of a part, write the files to the store, and return the record with the results."""
     solid = solid_part(built)
     measures = measure(solid)
@@ -297,7 +298,7 @@ def _measure(built: BuiltPart, tessellations: Tessellations, store: Store) -> Pa
     if tessellations.simulation != tessellations.fine and not built.faceted:
         coarse = meshing.together(_meshes(solid, tessellations.simulation)).scale(1.0 / convert.MM)
         hull = meshing.hull(coarse.vertices) or coarse
-    meshes: dict[str, Mesh] = {}
+    meshes: dict[str, records.Mesh] = {}
     if built.faces is not None:
         if len(coarse.faces) > built.faces:
             fewer = simplify(coarse, built.faces)
@@ -312,7 +313,7 @@ def _measure(built: BuiltPart, tessellations: Tessellations, store: Store) -> Pa
     meshes["print"] = _store_mesh(printed, meshing.stl(printed), store)
     meshes["slicing"] = _store_mesh(double, meshing.double(double), store)
     if not meshes["print"].closed:
-        part_warnings = (*part_warnings, PartWarning(message="the mesh of the part has gaps between faces"))
+        part_warnings = (*part_warnings, records.PartWarning(message="the mesh of the part has gaps between faces"))
     inertia = convert.unit_inertia(measures.inertia)
     return replace(
         built.record, volume=convert.volume(measures.volume), area=convert.area(measures.area), centre=convert.vector(measures.centre),
@@ -322,7 +323,7 @@ def _measure(built: BuiltPart, tessellations: Tessellations, store: Store) -> Pa
     )
 
 
-def _compare_mounts(mounts: dict[str, MountRecord], solid: TopoDS_Shape) -> dict[str, MountRecord]:
+def _compare_mounts(mounts: dict[str, records.MountRecord], solid: TopoDS_Shape) -> dict[str, records.MountRecord]:
     """Compare the mating features of mounts with the solid of the part, and add the contradictions to the mounts."""
     if not any(mount.features for mount in mounts.values()):
         return mounts
@@ -344,16 +345,16 @@ def _body_volumes(solid: TopoDS_Shape) -> tuple[float, ...]:
     return tuple(sorted((convert.volume(math.fsum(measure(one).volume for one in body)) for body in bodies), reverse=True))
 
 
-def _deviation_warning(mesh: meshing.Triangles, fewer: meshing.Triangles) -> tuple[PartWarning, ...]:
+def _deviation_warning(mesh: meshing.Triangles, fewer: meshing.Triangles) -> tuple[records.PartWarning, ...]:
     """Return a warning if a simplified mesh deviates too much from the original. Both meshes are in metres."""
     away, size = deviation(mesh, fewer), float(np.ptp(mesh.vertices, axis=0).max())
     if away <= DEVIATION * size:
         return ()
     mesh_text = f"the simulation mesh ({len(fewer.faces)} triangles)"
-    return (PartWarning(message=f"{mesh_text} deviates from the part by up to {away * convert.MM:.2g} mm; increase `faces`"),)
+    return (records.PartWarning(message=f"{mesh_text} deviates from the part by up to {away * convert.MM:.2g} mm; increase `faces`"),)
 
 
-def _overlap_warning(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWarning, ...]:
+def _overlap_warning(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[records.PartWarning, ...]:
     """Return a warning if solids of a part overlap, because overlapping volume counts twice in the integrals.
 
     An overlap of a thread with its hole is not reported.
@@ -362,7 +363,7 @@ def _overlap_warning(solids: Sequence[meshing.Triangles], *, file: bool) -> tupl
     if common <= max(OVERLAP * total, 1.0):
         return ()
     overlap = f"the {len(solids)} solids overlap by {float(f'{common:.4g}'):g} mm^3"  # 1000, not 1e+03
-    return (PartWarning(message=f"{overlap}; {'unite the solids in the CAD program' if file else 'fuse the solids (`a + b`)'}"),)
+    return (records.PartWarning(message=f"{overlap}; {'unite the solids in the CAD program' if file else 'fuse the solids (`a + b`)'}"),)
 
 
 def solid_part(built: BuiltPart) -> TopoDS_Shape:
@@ -414,13 +415,13 @@ def _visual(shapes: Sequence[TopoDS_Shape], tessellation: Tessellation) -> meshi
 
 def _pieces(
     shapes: Sequence[TopoDS_Shape], tessellation: Tessellation, store: Store,
-) -> tuple[tuple[Mesh | Primitive, ...], list[PartWarning]]:
+) -> tuple[tuple[records.Mesh | Primitive, ...], list[records.PartWarning]]:
     """Return the convex shapes that replace the solids of `collision()`, and warnings about solids that are not convex."""
     solids = [solid for shape in shapes for solid in solids_of(shape)]
     if shapes and not solids:
         raise NoPart("invalid", "collision() must return convex solids")
-    pieces: list[Mesh | Primitive] = []
-    hull_warnings: list[PartWarning] = []
+    pieces: list[records.Mesh | Primitive] = []
+    hull_warnings: list[records.PartWarning] = []
     for number, solid in enumerate(solids, start=1):
         primitive = primitive_of(solid)
         if primitive is not None:
@@ -431,19 +432,19 @@ def _pieces(
         outside = hull.volume - abs(mesh.volume)
         if outside > NOT_CONVEX * hull.volume:
             message = f"solid {number} of collision() is not convex ({outside / hull.volume:.1%} of its hull is empty); use convex solids"
-            hull_warnings.append(PartWarning(message=message))
+            hull_warnings.append(records.PartWarning(message=message))
         pieces.append(stored_obj(hull, store))
     return tuple(pieces), hull_warnings
 
 
-def _store_mesh(mesh: meshing.Triangles, data: bytes, store: Store) -> Mesh:
-    return Mesh(
+def _store_mesh(mesh: meshing.Triangles, data: bytes, store: Store) -> records.Mesh:
+    return records.Mesh(
         sha256=store.put(data), size=len(data), vertices=len(mesh.vertices), faces=len(mesh.faces), closed=mesh.closed,
         flat=mesh.flat,
     )
 
 
-def stored_obj(mesh: meshing.Triangles, store: Store) -> Mesh:
+def stored_obj(mesh: meshing.Triangles, store: Store) -> records.Mesh:
     """Write a mesh to the store as an OBJ file, without changing its unit."""
     rounded = meshing.merge_vertices(mesh)
     return _store_mesh(rounded, meshing.obj(rounded), store)
