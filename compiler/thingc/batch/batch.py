@@ -19,6 +19,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, shown_path
+from thingc.batch import folder as folders
 from thingc.batch import folder_layout
 from thingc.batch.build_records import lengths_in, losses, outcomes
 from thingc.batch.cluster.dask_executor import DaskCluster
@@ -26,22 +27,6 @@ from thingc.batch.cluster.protocol import Cluster
 from thingc.batch.cluster.remote_workers import RemoteExecutor
 from thingc.batch.cluster.workspace_archive import WorkspaceArchive, pack
 from thingc.batch.engine import RUNNERS, Cancelled, LocalExecutor, RunnersBroken, evaluate
-from thingc.batch.folder import (
-    FOLDERS,
-    MANY,
-    PACKED,
-    BatchFault,
-    are_unchanged,
-    clear_in_background,
-    create_subfolders,
-    differences,
-    explain_os_error,
-    lock_folder,
-    prepare_folder,
-    read_description,
-    record_states,
-    write_batch,
-)
 from thingc.batch.folder_layout import Journal, Line
 from thingc.batch.job import STOPPED, Row, describe, digest_files, job_of, row
 from thingc.batch.packed_layout import PackedWriter, sealed_path
@@ -105,29 +90,29 @@ def run(
     """
     check(jobs, limit, timeout, verify, pictures, layout)
     if retry and not resume:
-        raise BatchFault(Code.COMMAND_LINE, "--retry requires --resume", "add --resume")
+        raise folders.BatchFault(Code.COMMAND_LINE, "--retry requires --resume", "add --resume")
     options = options or Options()
     plan = read_plan(document, options, emit, layout)
     check_engine(executor, ship)
     folder = plan.folder_in(output)
     if resume:
-        read_description(plan.relative, folder, ANEW)
+        folders.read_description(plan.relative, folder, ANEW)
     transfer = pack(plan, folder) if ship else None
     try:
-        with lock_folder(folder):
+        with folders.lock_folder(folder):
             count = plan.count if limit is None else min(limit, plan.count)
             batch = _Batch(
                 plan=plan, folder=folder, options=options, count=count, jobs=jobs or os.cpu_count() or 1, timeout=timeout, verify=verify,
                 transfer=transfer, on_progress=on_progress,
             )
             batch.prepare(resume=resume, retry=retry)
-            with clear_in_background(folder):
+            with folders.clear_in_background(folder):
                 with batch.journal() as journal:
                     summary = batch.run(executor, journal)
                 warning = batch.show(pictures, on_picture)
             return summary if warning is None else replace(summary, notes=(*summary.notes, warning))
     except OSError as fault:
-        raise explain_os_error(folder, fault) from fault
+        raise folders.explain_os_error(folder, fault) from fault
 
 
 @dataclass(slots=True)
@@ -178,35 +163,35 @@ class _Batch:
     def __post_init__(self) -> None:
         self.done = bytearray(self.count)
         self.parameters = parameter_columns(self.plan)
-        self.layout = self.plan.layout or (PACKED if self.plan.count > MANY else FOLDERS)
+        self.layout = self.plan.layout or (folders.PACKED if self.plan.count > folders.MANY else folders.FOLDERS)
 
     # --- the folder -----------------------------------------------------------------------------------------------
 
     def prepare(self, *, resume: bool, retry: bool) -> None:
         """Create the folder of a new batch, or continue the batch in an existing folder. Raises `BatchFault` if the batch cannot start."""
         if not resume:
-            prepare_folder(self.folder, self.plan.relative, self.plan.assembly_relative)
+            folders.prepare_folder(self.folder, self.plan.relative, self.plan.assembly_relative)
         else:
-            self.previous = read_description(self.plan.relative, self.folder, ANEW)
+            self.previous = folders.read_description(self.plan.relative, self.folder, ANEW)
             if self.plan.layout is None:
                 self.layout = self.previous["layout"]
-            changes = differences(self.previous, self._description(finished=False))
+            changes = folders.differences(self.previous, self._description(finished=False))
             if changes:
-                raise BatchFault(
+                raise folders.BatchFault(
                     Code.BATCH_CHANGED, f"the batch in `{shown_path(self.folder)}` was started with different input: {'; '.join(changes)}",
                     "undo the change, delete the folder to start again, or use another folder with -o",
                 )
             folder_layout.sweep(self.folder)
             self._read_earlier_results(retry=retry)
-        write_batch(self.folder, self._description(finished=False))
-        create_subfolders(self.folder, self.layout)
+        folders.write_batch(self.folder, self._description(finished=False))
+        folders.create_subfolders(self.folder, self.layout)
 
     def _description(self, *, finished: bool, table_columns: Sequence[Column] = ()) -> dict[str, Any]:
         return describe(self.plan, layout=self.layout, requested=self.count, finished=finished, table_columns=table_columns)
 
     def journal(self) -> Journal | PackedWriter:
         """Open the journal of the batch, in which a line is recorded for each finished variant."""
-        if self.layout == PACKED:
+        if self.layout == folders.PACKED:
             return PackedWriter(self.folder, self.done)
         return Journal(os.path.join(self.folder, folder_layout.JOURNAL))
 
@@ -257,7 +242,7 @@ class _Batch:
             if executor is not None:
                 folder_layout.sweep(self.folder)  # temporary files of workers that died
             journal.sync()
-            write_batch(self.folder, self._description(finished=True, table_columns=self._tables()))
+            folders.write_batch(self.folder, self._description(finished=True, table_columns=self._tables()))
         statuses = self.earlier + self.counts
         lossy, total = losses(self.folder)
         return Summary(
@@ -270,10 +255,10 @@ class _Batch:
     def _tables(self) -> tuple[Column, ...]:
         """Write the tables of results, unless they are up to date. Return the columns of the tables."""
         names = folder_layout.TABLE_CSV, folder_layout.TABLE_PARQUET
-        if not self.counts and self.previous.get("finished") and are_unchanged(self.folder, *names):
+        if not self.counts and self.previous.get("finished") and folders.are_unchanged(self.folder, *names):
             return tuple(Column(name=column["name"], kind=column["kind"], unit=column["unit"]) for column in self.previous["columns"])
         written_columns = write_tables(self.folder, self.parameters, self.plan.choice_paths)
-        record_states(self.folder, *names)
+        folders.record_states(self.folder, *names)
         return written_columns
 
     def _shipping(self, cluster: Cluster | None) -> contextlib.AbstractContextManager[RemoteExecutor | None]:
@@ -378,7 +363,7 @@ class _Batch:
                 self._record_result(journal, result)
             return
         if isinstance(fault, RunnersBroken):
-            raise BatchFault(Code.RUNNERS, str(fault), "fix the reported problem, and continue with --resume", fault.detail)
+            raise folders.BatchFault(Code.RUNNERS, str(fault), "fix the reported problem, and continue with --resume", fault.detail)
         _check_cluster(engine)
         unfinished = [variant for variant in chunk.variants if variant.index in self.submitted]
         if chunk.attempts < ATTEMPTS:
@@ -396,7 +381,7 @@ class _Batch:
         if variant is None:
             return
         if row["status"] == STOPPED:
-            raise BatchFault(
+            raise folders.BatchFault(
                 Code.OUTPUT, f"the batch cannot continue: {row['message']}",
                 "fix the problem, and continue with --resume",
             )
@@ -409,7 +394,7 @@ class _Batch:
         del self.submitted[row["index"]]
 
     def _write_line(self, journal: Journal | PackedWriter, variant: Variant, row: Row) -> None:
-        path = sealed_path(variant.index) if self.layout == PACKED else f"{folder_layout.VARIANTS}/{variant.id}"
+        path = sealed_path(variant.index) if self.layout == folders.PACKED else f"{folder_layout.VARIANTS}/{variant.id}"
         line = {
             "index": variant.index, "id": variant.id, "name": variant.name, "status": row["status"],
             "parameters": dict(variant.values), "choices": self.plan.choices_of(variant),
@@ -423,7 +408,7 @@ class _Batch:
 
     def _drain(self, journal: Journal | PackedWriter) -> None:
         """Record the results of all variants that were finished before the runner processes were ended."""
-        with contextlib.suppress(queue.Empty, BatchFault, OSError):
+        with contextlib.suppress(queue.Empty, folders.BatchFault, OSError):
             while True:
                 event, row = self.events.get_nowait()
                 if event == "row" and row["status"] != STOPPED:

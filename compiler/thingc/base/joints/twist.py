@@ -10,46 +10,31 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Literal
 
+from thingc.base import units
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import degrees, hypot, pi, remainder, sin, sum_of, tau
 from thingc.base.pose import IDENTITY, NO_POSE, Pose, Vector, cross, dot, rotate, turned_about, turned_x, turned_y, turned_z
-from thingc.base.units import (
-    ANGLE,
-    ANGULAR_DAMPING,
-    ANGULAR_STIFFNESS,
-    ANGULAR_VELOCITY,
-    FORCE,
-    INERTIA,
-    LENGTH,
-    LINEAR_DAMPING,
-    LINEAR_STIFFNESS,
-    MASS,
-    TIME,
-    TORQUE,
-    VELOCITY,
-    Dimension,
-)
 
-TURN: Mapping[str, Dimension] = {
-    "lower": ANGLE, "upper": ANGLE, "offset": ANGLE, "kp": ANGULAR_STIFFNESS, "kv": ANGULAR_DAMPING, "effort": TORQUE,
-    "velocity": ANGULAR_VELOCITY, "damping": ANGULAR_DAMPING, "friction": TORQUE, "armature": INERTIA, "stiffness": ANGULAR_STIFFNESS,
-    "rest": ANGLE, "stall": TORQUE, "delay": TIME,
+TURN: Mapping[str, units.Dimension] = {
+    **dict.fromkeys(("lower", "upper", "offset", "rest"), units.ANGLE), **dict.fromkeys(("effort", "friction", "stall"), units.TORQUE),
+    **dict.fromkeys(("kv", "damping"), units.ANGULAR_DAMPING), **dict.fromkeys(("kp", "stiffness"), units.ANGULAR_STIFFNESS),
+    "velocity": units.ANGULAR_VELOCITY, "armature": units.INERTIA, "delay": units.TIME,
 }
 """Physical dimensions of the values of a rotational coordinate, by key."""
-SLIDE: Mapping[str, Dimension] = {
-    "lower": LENGTH, "upper": LENGTH, "offset": LENGTH, "kp": LINEAR_STIFFNESS, "kv": LINEAR_DAMPING, "effort": FORCE,
-    "velocity": VELOCITY, "damping": LINEAR_DAMPING, "friction": FORCE, "armature": MASS, "stiffness": LINEAR_STIFFNESS,
-    "rest": LENGTH, "stall": FORCE, "delay": TIME,
+SLIDE: Mapping[str, units.Dimension] = {
+    **dict.fromkeys(("lower", "upper", "offset", "rest"), units.LENGTH), **dict.fromkeys(("effort", "friction", "stall"), units.FORCE),
+    **dict.fromkeys(("kv", "damping"), units.LINEAR_DAMPING), **dict.fromkeys(("kp", "stiffness"), units.LINEAR_STIFFNESS),
+    "velocity": units.VELOCITY, "armature": units.MASS, "delay": units.TIME,
 }
 """Physical dimensions of the values of a translational coordinate, by key."""
 
 
-def dimensions_of(coordinate: Dimension) -> Mapping[str, Dimension]:
+def dimensions_of(coordinate: units.Dimension) -> Mapping[str, units.Dimension]:
     """Return the physical dimension of each value of a joint coordinate, such as `kp` or `damping`, by the key of the value.
 
     `coordinate` is the physical dimension of the joint coordinate: an angle or a length.
     """
-    return TURN if coordinate == ANGLE else SLIDE
+    return TURN if coordinate == units.ANGLE else SLIDE
 
 
 NONE: Vector = (0.0, 0.0, 0.0)
@@ -87,12 +72,12 @@ class Twist(FrozenStruct, kw_only=False):
         return dot(self.angular, self.linear)
 
     @property
-    def coordinate(self) -> Dimension:
+    def coordinate(self) -> units.Dimension:
         """The physical dimension of the joint coordinate q: an angle for a rotation, or a length for a translation."""
-        return ANGLE if self.turns else LENGTH
+        return units.ANGLE if self.turns else units.LENGTH
 
     @property
-    def dimensions(self) -> Mapping[str, Dimension]:
+    def dimensions(self) -> Mapping[str, units.Dimension]:
         """The physical dimension of each value of this joint coordinate, such as `kp` or `damping`, by the key of the value."""
         return dimensions_of(self.coordinate)
 

@@ -157,13 +157,9 @@ def _draw_line(board: ET.Element, strand: Sequence[DefinitionEdge], route: Route
         middle = (x1 + x2) / 2.0
         path.append(f"H{_n(x1)}C{_n(middle)} {_n(y1)} {_n(middle)} {_n(y2)} {_n(x2)} {_n(y2)}")
     x, _, y = route.stretches[-1]
-    color = _color(strand)
+    color = JOINT if any(edge.joint is not None for edge in strand) else LINE
     ET.SubElement(board, "path", {"d": "".join(path), "fill": "none", "stroke": color, "stroke-width": "1.4"})
     ET.SubElement(board, "path", {"d": f"M{_n(x)} {_n(y)}l-8 -3.6v7.2z", "fill": color})
-
-
-def _color(strand: Sequence[DefinitionEdge]) -> str:
-    return JOINT if any(edge.joint is not None for edge in strand) else LINE
 
 
 def _draw_label(board: ET.Element, strand: Sequence[DefinitionEdge], rectangle: Rectangle, lines: Sequence[_LabelLine]) -> None:

@@ -94,13 +94,10 @@ def _format_json(value: Any, newline: str) -> str:
     if isinstance(value, Mapping) and value:
         entries = (f"{json.dumps(key, ensure_ascii=False)}: {_format_json(item, inner)}" for key, item in value.items())
         return "{" + inner + ("," + inner).join(entries) + newline + "}"
-    if isinstance(value, list) and any(isinstance(item, (Mapping, list)) for item in value) or _long(value):
+    kinds = set(map(type, value)) if isinstance(value, list) else set()
+    if kinds & {dict, list} or kinds == {str} and len(value) > 3:
         return "[" + inner + ("," + inner).join(_format_json(item, inner) for item in value) + newline + "]"
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
-
-
-def _long(value: Any) -> bool:
-    return isinstance(value, list) and len(value) > 3 and all(isinstance(item, str) for item in value)
 
 
 def differences(old_lock: Mapping[str, Any], new_lock: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -167,7 +167,7 @@ def as_github(diagnostics: Sequence[Diagnostic], *, base: str) -> str:
 def _command(d: Diagnostic, base: str) -> str:
     properties = {} if d.span is None else _annotation_location(d.span, base)
     properties["title"] = d.code.code
-    properties_text = ",".join(f"{key}={_property(value)}" for key, value in properties.items())
+    properties_text = ",".join(f"{key}={_data(value).replace(':', '%3A').replace(',', '%2C')}" for key, value in properties.items())
     return f"::{_COMMANDS[d.severity]} {properties_text}::{_data(_message_text(d, [_note(note, base) for note in d.notes]))}"
 
 
@@ -189,10 +189,6 @@ def _note(note: Note, base: str) -> str:
 
 def _data(text: str) -> str:
     return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
-
-
-def _property(text: str) -> str:
-    return _data(text).replace(":", "%3A").replace(",", "%2C")
 
 
 def as_junit(name: str, results: Sequence[Result], others: Sequence[Diagnostic]) -> str:

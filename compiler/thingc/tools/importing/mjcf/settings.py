@@ -99,7 +99,7 @@ def touching(
     def meet(head: int, other: int) -> bool:
         """Return whether the contact masks of two links allow contacts. Excluded pairs of bodies are ignored."""
         pairs = ((one, two) for one in members[head] for two in members[other] if _pair(one, two) not in written)
-        return any(_meet(masks[one], masks[two]) for one, two in pairs)
+        return any(masks[one][0] & masks[two][1] or masks[two][0] & masks[one][1] for one, two in pairs)
 
     near = {_pair(head, parent) for head, parent in parents.items()}
     for head, parent in sorted(parents.items()):
@@ -166,10 +166,6 @@ def _masks(original: CompiledSource, body: int) -> tuple[int, int]:
         if body or model.geom_type[geom]:
             kinds, affinities = kinds | int(model.geom_contype[geom]), affinities | int(model.geom_conaffinity[geom])
     return kinds, affinities
-
-
-def _meet(ours: tuple[int, int], theirs: tuple[int, int]) -> bool:
-    return bool(ours[0] & theirs[1] or theirs[0] & ours[1])
 
 
 def poses(
