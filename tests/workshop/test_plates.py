@@ -150,10 +150,16 @@ def test_prints_of_one_definition_with_other_materials_directions_or_settings_ar
     assert Counter(name for name, _, _ in placed(resin)) == {"wedge_clear": 1, "wedge_pla_4": 1}, "resin has its own plate"
     model, settings = objects(filament)
     assert model == {**dict.fromkeys(names, "pla"), "wedge_petg": "petg"}
-    assert {name: (keys.get("layer_height"), keys.get("fill_density")) for name, keys in settings.items()} == {
-        "long": ("0.2", "100%"), "wedge_pla_x3": ("0.2", "15%"), "wedge_pla_2": ("0.2", "15%"), "wedge_pla_3": ("0.2", "80%"),
-        "wedge_petg": ("0.3", None),
-    }
+    for infill in ("fill_density", "sparse_infill_density"):  # the names of PrusaSlicer and of OrcaSlicer
+        assert {name: (keys.get("layer_height"), keys.get(infill)) for name, keys in settings.items()} == {
+            "long": ("0.2", "100%"), "wedge_pla_x3": ("0.2", "15%"), "wedge_pla_2": ("0.2", "15%"), "wedge_pla_3": ("0.2", "80%"),
+            "wedge_petg": ("0.3", None),
+        }
+    walls = [(keys.get("perimeters"), keys.get("wall_loops")) for keys in settings.values()]
+    assert all(ours == theirs for ours, theirs in walls) and any(ours for ours, _ in walls)
+    with zipfile.ZipFile(BytesIO(filament)) as archive:  # OrcaSlicer and Bambu Studio search for this word before they read settings
+        model_xml = ElementTree.fromstring(archive.read("3D/3dmodel.model"))
+    assert "PrusaSlicer" in model_xml.findtext("m:metadata[@name='Application']", "", CORE)
     main(["print", str(tmp_path / "robot.yaml"), "--store", str(tmp_path / "store"), "--format", "json"])
     rows = {row["part"]: row for row in json.loads(capsys.readouterr().out)["prints"]}
     assert rows.keys() == {"long", "wedge_pla", "wedge_petg", "wedge_pla_2", "wedge_pla_3", "wedge_clear", "wedge_pla_4"}

@@ -180,10 +180,11 @@ def encode_3mf(plate: Plate) -> bytes:
     """Return the content of the 3MF file of a plate.
 
     PrusaSlicer only reads instances and settings from files that state its version of the format. lib3mf cannot write this metadata with
-    the prefix that PrusaSlicer expects.
+    the prefix that PrusaSlicer expects. OrcaSlicer and Bambu Studio read them if the name of the application contains `PrusaSlicer`.
     """
     model = Element("model", {"xmlns": _CORE, "xmlns:slic3rpe": _PRUSA, "unit": "millimeter"})
     SubElement(model, "metadata", name="slic3rpe:Version3mf").text = "1"
+    SubElement(model, "metadata", name="Application").text = "thingc, in the format of PrusaSlicer"
     resources, build, config = SubElement(model, "resources"), SubElement(model, "build"), Element("config")
     materials = SubElement(resources, "basematerials", id="1")
     colored_materials = list(dict.fromkeys(_material(print_.first) for print_, _ in plate))
@@ -251,15 +252,21 @@ def _technique(occurrence: Occurrence) -> str:
 
 
 def settings_of(occurrence: Occurrence) -> dict[str, str]:
-    """Return the settings of the process of a part, as PrusaSlicer names and writes them. Settings that are not specified are omitted."""
+    """Return the settings of the process of a part, with the names and values of PrusaSlicer, and with the other names that OrcaSlicer and
+    Bambu Studio have. Each program ignores unknown names. Settings that are not specified are omitted.
+    """
     process = occurrence.overrides.process_with(occurrence.material)
-    lengths = {"layer_height": process.layer, "extrusion_width": process.line_width}
-    counts = {"perimeters": process.walls, "top_solid_layers": process.top, "bottom_solid_layers": process.bottom}
-    return {
-        **{key: f"{1e3 * value:.6g}" for key, value in lengths.items() if value is not None},
-        **{key: str(value) for key, value in counts.items() if value is not None},
-        **({} if process.infill is None else {"fill_density": f"{100 * process.infill:.6g}%"}),
+    lengths = {("layer_height",): process.layer, ("extrusion_width", "line_width"): process.line_width}
+    counts = {
+        ("perimeters", "wall_loops"): process.walls, ("top_solid_layers", "top_shell_layers"): process.top,
+        ("bottom_solid_layers", "bottom_shell_layers"): process.bottom,
     }
+    texts: dict[tuple[str, ...], str] = {
+        **{names: f"{1e3 * value:.6g}" for names, value in lengths.items() if value is not None},
+        **{names: str(value) for names, value in counts.items() if value is not None},
+        **({} if process.infill is None else {("fill_density", "sparse_infill_density"): f"{100 * process.infill:.6g}%"}),
+    }
+    return {name: text for names, text in texts.items() for name in names}
 
 
 def _add_settings(config: Element, number: str, print_: Print, instances: int) -> None:
