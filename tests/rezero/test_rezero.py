@@ -341,6 +341,9 @@ def test_same_and_diff_name_exactly_these_zeros(here: Path, capsys: pytest.Captu
         "shoulder": (1, round(30 * DEG, 9)), "slide": (-1, 0.004),
     }
     assert found["limits"] == [] and found["differences"] == []
+    assert main(["diff", "old.yaml", "constructs.yaml"]) == 0
+    edits = [line.split() for line in capsys.readouterr().out.partition("  effects:")[0].splitlines()[1:]]
+    assert [words[:3] for words in edits] == [["the", "same", "mechanism;"], ["+", "pose", "start"], ["mode", "source:", "pose"]], edits
     assert main(["rezero", str(document), "shoulder=-30 deg", "slide=4 mm", "--flip", "slide"]) == 0
     capsys.readouterr()
     assert main(["same", "old.yaml", str(document)]) == 0

@@ -75,9 +75,7 @@ class Moments(OneLineRepr, FrozenStruct):
     def plus(self, other: Moments, share: float = 1.0) -> Moments:
         """Add the moments of another body, multiplied by `share`. Return the sum."""
         a, b, c = (add_scaled(*rows, share) for rows in zip(self.second, other.second, strict=True))
-        return Moments(
-            volume=self.volume + share * other.volume, first=add_scaled(self.first, other.first, share), second=(a, b, c),
-        )
+        return Moments(volume=self.volume + share * other.volume, first=add_scaled(self.first, other.first, share), second=(a, b, c))
 
     @property
     def properties(self) -> MassProperties:

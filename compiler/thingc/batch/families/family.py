@@ -405,10 +405,7 @@ class RobotFamily:
             if name not in self._numbers.spec.tests:
                 raise FamilyError(f"there is no test `{name}`", did_you_mean(name, self._numbers.spec.tests, what="tests"))
             if not tested_values(kind := self._numbers.spec.tests[name].kind):
-                raise FamilyError(
-                    f"`{TEST}{name}` has no derivatives (kind `{kind}`)",
-                    f"remove `{TEST}{name}`",
-                )
+                raise FamilyError(f"`{TEST}{name}` has no derivatives (kind `{kind}`)", f"remove `{TEST}{name}`")
         if names and not alone:
             raise FamilyError(
                 f"`{TEST}{names[0]}` cannot be computed together with results that are not tests", "use a separate function for the tests",

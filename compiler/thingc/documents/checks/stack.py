@@ -76,10 +76,7 @@ def read_stack(spec: StackTest, reader: Reader) -> StackCheck | None:
     )
     share = None if spec.yield_ is None else reader.number(spec.yield_, "yield", NUMBER, above=0.0, most=1.0)
     if share == 1.0:
-        reader.error(
-            Code.OUT_OF_RANGE, "`yield` must be below 100 %", "yield",
-            help="use `worst` to limit the deviation of all robots",
-        )
+        reader.error(Code.OUT_OF_RANGE, "`yield` must be below 100 %", "yield", help="use `worst` to limit the deviation of all robots")
     if of is None or base is None or along is None:
         return None
     return StackCheck(of=of, base=base, along=along, worst=worst, rss=rss, within=within, share=share)

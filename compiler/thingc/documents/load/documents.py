@@ -222,9 +222,7 @@ class _Reader:
         if self.stopped:
             return True
         if self.bytes > MAX_ALL_BYTES:
-            self.report.add(
-                Code.TOO_LARGE, f"this document and its nested documents have more than {MAX_ALL_BYTES} bytes", where,
-            )
+            self.report.add(Code.TOO_LARGE, f"this document and its nested documents have more than {MAX_ALL_BYTES} bytes", where)
         elif len(self.report.diagnostics) - self.faults_before > MAX_FAULTS:
             self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} errors (the remaining files are not read)", where)
         else:
@@ -349,10 +347,7 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
             report.add(Code.HEADER, message, tree.keys[first], help=near_hint(first, ["thingc"]))
         else:
             where = tree.keys[first] if first is not None else tree.span
-            report.add(
-                Code.HEADER, "the key `thingc` is missing", where,
-                help=f"start the document with `{head_line(file, usual)}`",
-            )
+            report.add(Code.HEADER, "the key `thingc` is missing", where, help=f"start the document with `{head_line(file, usual)}`")
         return None
     if isinstance(node, ScalarNode) and node.damaged:
         return None

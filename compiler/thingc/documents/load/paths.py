@@ -45,10 +45,7 @@ def find_file(
         report.add(Code.MISSING_FILE, f"expected the path of {what}, found an empty string", where)
         return None
     if os.path.isabs(text) or text.startswith(("/", "~")) or _DRIVE.match(text):
-        report.add(
-            Code.OUTSIDE_WORKSPACE, f"`{name}` is an absolute path", where,
-            help="write a path relative to this document",
-        )
+        report.add(Code.OUTSIDE_WORKSPACE, f"`{name}` is an absolute path", where, help="write a path relative to this document")
         return None
     path = resolve_path(text, relative_to)
     if path is None:

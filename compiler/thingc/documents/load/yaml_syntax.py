@@ -127,10 +127,7 @@ def _explain_layout(source: Source, problem: str, context: str, at: int, began: 
             note=("the list starts here", began),
         )
     if "document start" in problem:
-        return SyntaxFault(
-            "expected the end of the document, found more text", at, end,
-            help="start all keys of the document in column 1",
-        )
+        return SyntaxFault("expected the end of the document, found more text", at, end, help="start all keys of the document in column 1")
     if "block scalar" in context:
         return SyntaxFault("text after `|` or `>` must start on the next line", at, end, help="write the text on the next line")
     return SyntaxFault(f"not well-formed YAML: {problem}", at, end)

@@ -44,8 +44,7 @@ class DifferentialSpec(Model):
             raise rule(f"expected {count} joints for {count} actuators of the differential, found {len(self.joints)}",
                        "list the same number of `actuators` and `joints`", "joints")
         if len(self.matrix) != count or any(len(row) != count for row in self.matrix):
-            raise rule(f"`matrix` must have {count} rows of {count} numbers",
-                       "write, for example, `[[1, 1], [1, -1]]`", "matrix")
+            raise rule(f"`matrix` must have {count} rows of {count} numbers", "write, for example, `[[1, 1], [1, -1]]`", "matrix")
 
 
 class TransmissionSpec(Model):

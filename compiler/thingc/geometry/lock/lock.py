@@ -132,10 +132,7 @@ def read_lock(workspace: Workspace, report: Report) -> Lock | None:
     if not os.path.lexists(path):
         return None
     if not os.path.isfile(path) or not workspace.contains(path):
-        report.add(
-            Code.LOCK_BROKEN, f"`{LOCK_FILE}` is not a file of this workspace", None,
-            help="remove the file, then " + REMAKE,
-        )
+        report.add(Code.LOCK_BROKEN, f"`{LOCK_FILE}` is not a file of this workspace", None, help="remove the file, then " + REMAKE)
         return None
     return read_lock_file(path, report)
 
@@ -161,9 +158,7 @@ def report_missing(workspace: Workspace, report: Report) -> None:
     An invalid lock file is not reported, because `read_lock` has already reported it.
     """
     if not os.path.lexists(lock_path(workspace)):
-        report.add(
-            Code.NO_LOCK, f"the workspace has no `{LOCK_FILE}`", workspace.origin, help=REMAKE,
-        )
+        report.add(Code.NO_LOCK, f"the workspace has no `{LOCK_FILE}`", workspace.origin, help=REMAKE)
 
 
 def report_bad(path: str, fault: BadLock, report: Report, *, severity: Severity = Severity.ERROR) -> None:

@@ -30,9 +30,7 @@ from thingc.model.assembly.tests import tests_of
 from thingc.model.assembly.types import Assembly, Connected, Mate, Occurrence
 from thingc.model.resolve.types import AssemblyDefinition
 
-ABSENT = {
-    "decompose": "convex decomposition", "part": "method `collision()`", "hull": "convex hull", "mesh": "mesh",
-}
+ABSENT = {"decompose": "convex decomposition", "part": "method `collision()`", "hull": "convex hull", "mesh": "mesh"}
 """The geometry that a collision shape requires, by the value of the key `collision`."""
 
 

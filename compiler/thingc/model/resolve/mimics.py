@@ -90,9 +90,7 @@ def _polynomial(
         values.append(value)
         dimension = dimension / other
     if not any(values[1:]):
-        scope.error(
-            Code.MIMIC, f"the `polynomial` of joint `{item.name}` is constant", place, help="use `type: fixed`",
-        )
+        scope.error(Code.MIMIC, f"the `polynomial` of joint `{item.name}` is constant", place, help="use `type: fixed`")
         return None
     offset, multiplier, *higher = values
     return Mimic(joint=followed.name, multiplier=multiplier, offset=offset, higher=tuple(higher), origin=scope.origin(path, key=True))

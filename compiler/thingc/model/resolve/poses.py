@@ -120,9 +120,7 @@ def _set_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint, 
         w, x, y, z = (scope.number(one, (*at, number), NUMBER, subject) for number, one in enumerate(raw.quat or ()))
         quaternion = None if w is None or x is None or y is None or z is None else (w, x, y, z)
         if quaternion is not None and not any(quaternion):
-            scope.error(
-                Code.POSE, f"{subject} must not be zero", at, help="write `[w, x, y, z]`, for example `[1, 0, 0, 0]`",
-            )
+            scope.error(Code.POSE, f"{subject} must not be zero", at, help="write `[w, x, y, z]`, for example `[1, 0, 0, 0]`")
             return
     if quaternion is not None and place is not None:
         values = (*(place if free else ()), *turn_of(quaternion))
@@ -211,10 +209,7 @@ def _set_matching_coordinates(scope: Scope, joints: Joints, key: str, raw: Any, 
     for joint, names in coordinates.items():
         _set_coordinates(scope, joints, joint, names, raw, path, settings)
     if not coordinates and not any(joint is None for joint in joints.values()):
-        scope.error(
-            Code.COORDINATES, f"the value of pattern `{key}` must not be a list", path, key=True,
-            help="write one value",
-        )
+        scope.error(Code.COORDINATES, f"the value of pattern `{key}` must not be a list", path, key=True, help="write one value")
 
 
 def _apply_nested_pose(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, settings: Settings) -> None:
@@ -281,10 +276,7 @@ def _report_unknown(table: DocumentScope, scope: Scope, joints: Joints, key: str
         return
     repeated = table.spec.joints.get(key)
     if repeated is not None and repeated.repeat is not None:
-        scope.error(
-            Code.UNKNOWN_JOINT, f"there is no joint `{key}`", path, key=True,
-            help=f"write `{key}_0`, or `{key}_*` for all copies",
-        )
+        scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{key}`", path, key=True, help=f"write `{key}_0`, or `{key}_*` for all copies")
         return
     names.extend(prefix[:-1] for prefix in table.unbuilt_joints if prefix)
     of_assembly = [name for name in names if name.startswith(f"{first}.")] if "." in key else []

@@ -122,10 +122,7 @@ EXAMPLES = {
 }
 """The targets that accept raw attributes, each with an example of an attribute of a joint."""
 
-IN_PLACE = {
-    "ros": "write the attributes under `urdf`",
-    "mjz": "write the attributes under `mjcf`",
-}
+IN_PLACE = {"ros": "write the attributes under `urdf`", "mjz": "write the attributes under `mjcf`"}
 """Hints for targets that contain files of other targets."""
 
 

@@ -114,9 +114,7 @@ def check_names(scope: Scope, names: Iterable[tuple[str, Path, str]], *, reserve
     seen: dict[str, tuple[str, Path, str]] = {}
     for name, path, what in names:
         if reserved and name in RESERVED:
-            scope.error(
-                Code.RESERVED_NAME, f"{what} cannot have the reserved name `{name}`", path, key=True, help="choose another name",
-            )
+            scope.error(Code.RESERVED_NAME, f"{what} cannot have the reserved name `{name}`", path, key=True, help="choose another name")
             continue
         first = seen.setdefault(name.lower(), (name, path, what))
         if first[1] != path:

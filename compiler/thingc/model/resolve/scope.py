@@ -237,10 +237,7 @@ class Scope(FrozenStruct):
         length = numeric.sqrt(w * w + x * x + y * y + z * z)
         if not abs(length - 1.0) <= UNIT:
             unit = ", ".join(f"{part / length:.6g}" for part in (w, x, y, z)) if 0.0 < length < numeric.inf else "1, 0, 0, 0"
-            self.error(
-                Code.OUT_OF_RANGE, f"`quat` must have length 1, found {length:.6g}", place,
-                help=f"write `[{unit}]`",
-            )
+            self.error(Code.OUT_OF_RANGE, f"`quat` must have length 1, found {length:.6g}", place, help=f"write `[{unit}]`")
             return None
         return rotation_of((w, x, y, z))
 

@@ -192,10 +192,7 @@ def add_building(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="mode to build (may be repeated; default: all modes)")
     add_emit(parser)
     add_compat(parser)
-    parser.add_argument(
-        "--force", action="store_true",
-        help="overwrite unknown or modified files in the output folder",
-    )
+    parser.add_argument("--force", action="store_true", help="overwrite unknown or modified files in the output folder")
     parser.add_argument("--deny-loss", action="store_true", help="treat export losses as errors")
 
 

@@ -49,10 +49,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "side", metavar="SIDE", nargs="*",
         help="document, robot file, build folder, lock file or Git revision to compare (default: the working tree)",
     )
-    add(
-        "--fail-on", metavar="WHAT", action="append", default=[],
-        help="exit with code 1 for changes of this kind (may be repeated)",
-    )
+    add("--fail-on", metavar="WHAT", action="append", default=[], help="exit with code 1 for changes of this kind (may be repeated)")
     add("--no-tests", action="store_true", help="do not run the tests of the documents")
     console.add_no_code(parser)
     add("--time-limit", metavar="TIME", default="20 s", help="CPU time limit for each document (with --no-code; default: %(default)s)")

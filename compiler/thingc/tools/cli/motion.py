@@ -31,9 +31,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     console.add_document(parser)
     parser.add_argument("motion", metavar="MOTION", nargs="?", help="a motion of the document (default: the first motion)")
     parser.add_argument("--mode", metavar="M", help="mode of the robot (default: the first mode)")
-    parser.add_argument(
-        "--csv", metavar="FILE", help="write the simulated joint positions to a CSV file",
-    )
+    parser.add_argument("--csv", metavar="FILE", help="write the simulated joint positions to a CSV file")
     console.add_format(parser)
     console.add_compiling(parser)
 

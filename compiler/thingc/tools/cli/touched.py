@@ -28,9 +28,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--all", action="store_true", help="list all documents below the working folder")
     parser.add_argument("-0", "--null", action="store_true", help="terminate paths with a NUL character instead of a newline")
     parser.add_argument("--roots", action="store_true", help="list only top-level assemblies and assemblies with modes")
-    parser.add_argument(
-        "--robot-files", action="store_true", help="list changed robot files instead of documents",
-    )
+    parser.add_argument("--robot-files", action="store_true", help="list changed robot files instead of documents")
     parser.add_argument("--store", metavar="DIR", help="folder or URL of the part cache (default: THINGC_STORE or the user's cache)")
     console.add_format(parser)
 

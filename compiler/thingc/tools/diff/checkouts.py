@@ -173,7 +173,7 @@ def compare_versions(
         old, new = sides
         answer = _compare_robots(old, new, options, tests=tests)
         if answer.changes and isinstance(old, Subject) and isinstance(new, Subject):
-            answer = replace(answer, mechanism=_same_mechanism(old, new))
+            answer = _without_explained(old, new, answer, options, tests=tests)
             if draw and options.code:
                 from thingc.tools.diff.pictures import pictures
 
@@ -196,16 +196,30 @@ def _compare_robots(old: Subject | Snapshot, new: Subject | Snapshot, options: O
     return compare(old.snapshot_with_tests(), new.snapshot_with_tests(), farthest) if tests and comparison.changes else comparison
 
 
-def _same_mechanism(old: Subject, new: Subject) -> str:
-    """Describe the joint zeros and signs that differ between two robots if they are the same mechanism. Return "" otherwise."""
-    from thingc.tools.same.comparison import compare_mechanisms
-    from thingc.tools.same.mechanism import mechanism_of_assembly
+def _without_explained(old: Subject, new: Subject, answer: Comparison, options: Options, *, tests: bool) -> Comparison:
+    """If two robots are the same mechanism, except for masses, separate the changes that other frames, joint zeros or signs explain."""
+    from thingc.tools.diff.alignment import Alignment
+    from thingc.tools.same.comparison import OF_LINKS, match_mechanisms
+    from thingc.tools.same.mechanism import mechanism_of_assembly, to_pose
     from thingc.tools.same.text_report import summary, zeros_of
 
     if old.snapshot.whole is None or new.snapshot.whole is None:
-        return ""
-    result = compare_mechanisms(mechanism_of_assembly(old.assembly), mechanism_of_assembly(new.assembly), explain=False)
-    return summary(result) if result.same and zeros_of(result) else ""
+        return answer
+    one, other = (mechanism_of_assembly(side.assembly) for side in (old, new))
+    result, found = match_mechanisms(one, other, explain=any(change.what in ("joint", "mount", "mate") for change in answer.changes))
+    if found is None or any(difference.what not in OF_LINKS for difference in result.differences):
+        return answer
+    matched = ((one.links[number].name, other.links[link.other].name, to_pose(link.T)) for number, link in found.links.items())
+    known = [{link.name for link in side.snapshot.links} for side in (old, new)]
+    links = next(link for link in matched if link[0] in known[0] and link[1] in known[1])  # others are between coordinates of a joint
+    before, after = (side.snapshot_with_tests() if tests and options.code else side.snapshot for side in (old, new))
+    converted = Alignment(before, after, old.assembly, {joint.one: joint for joint in result.joints}, links).snapshot()
+    rest = compare(converted, after, *([SurfaceDistances(new.store).farthest] if options.code else []))
+    if len(rest.changes) >= len(answer.changes):
+        return replace(answer, mechanism=summary(result) if result.same and zeros_of(result) else "")
+    left = {(change.what, change.path, change.field, change.change) for change in rest.changes}
+    explained = tuple(one for one in answer.changes if (one.what, one.path, one.field, one.change) not in left)
+    return replace(rest, mechanism=summary(result), explained=explained)
 
 
 def subject(checkout: Checkout, options: Options) -> Subject:

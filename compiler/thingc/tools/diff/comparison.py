@@ -437,7 +437,8 @@ class Comparison(OneLineRepr, FrozenStruct):
     """The result of comparing two states of one robot: the changes in documents, followed by the consequences of these changes.
 
     `unknown` lists the kinds of information that were not compared. If pictures were requested, `pictures` maps the names `before`, `after`
-    and `overlay` to PNG data. If the two states are the same mechanism with other joint zeros or signs, `mechanism` describes them.
+    and `overlay` to PNG data. If the two states are the same mechanism with other frames, joint zeros or signs, `mechanism` describes them.
+    `changes` then omits the changes that this description explains, which are in `explained`.
     """
 
     name: str
@@ -445,6 +446,7 @@ class Comparison(OneLineRepr, FrozenStruct):
     unknown: tuple[str, ...] = ()
     pictures: Mapping[str, bytes] = {}
     mechanism: str = ""
+    explained: tuple[Change, ...] = ()
 
 
 def compare(old: Snapshot, new: Snapshot, farthest: Farthest = lambda old, new: None) -> Comparison:

@@ -32,8 +32,8 @@ class DiffResult(OneLineRepr, FrozenStruct):
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """All changes in the compared documents, after the changes of whole documents."""
-        return (*self.alone, *(change for _, comparison in self.documents for change in comparison.changes))
+        """All changes in the compared documents, including the explained ones, after the changes of whole documents."""
+        return (*self.alone, *(change for _, comparison in self.documents for change in (*comparison.changes, *comparison.explained)))
 
 
 def compare_documents(
@@ -54,14 +54,16 @@ def as_json(answer: DiffResult) -> dict[str, object]:
     """Convert the result to a JSON object with the keys `old`, `new` and `changes`. Values are in SI units.
 
     If several documents were compared, each change has the key `document`. `same_mechanism` contains the documents whose robot is the same
-    mechanism with other joint zeros or signs.
+    mechanism with other frames, joint zeros or signs, and `explained` contains the changes that this explains.
     """
     several = len(answer.documents) > 1
-    changes = [_entry(change) for change in answer.alone]
+    changes, explained = [_entry(change) for change in answer.alone], list[dict[str, object]]()
     for name, comparison in answer.documents:
-        changes += [{**_entry(change), **({"document": name} if several else {})} for change in comparison.changes]
+        for entries, found in ((changes, comparison.changes), (explained, comparison.explained)):
+            entries += [{**_entry(change), **({"document": name} if several else {})} for change in found]
     same = {name: comparison.mechanism for name, comparison in answer.documents if comparison.mechanism}
-    return {"old": answer.old, "new": answer.new, **({"same_mechanism": same} if same else {}), "changes": changes}
+    own: dict[str, object] = {"same_mechanism": same, "explained": explained} if same else {}
+    return {"old": answer.old, "new": answer.new, **own, "changes": changes}
 
 
 def _entry(change: Change) -> dict[str, object]:
@@ -82,15 +84,16 @@ def pack(compare: Callable[[], Comparison]) -> list[Any]:
         answer = compare()
     except BrokenSide as broken:
         return [[to_plain(d) for d in broken.diagnostics], dict(broken.texts)]
-    return [answer.name, to_builtins(answer.changes), list(answer.unknown), answer.mechanism]
+    return [answer.name, to_builtins(answer.changes), list(answer.unknown), answer.mechanism, to_builtins(answer.explained)]
 
 
 def unpack(values: list[Any]) -> Comparison:
     """Convert the JSON values that `pack` returns to the result of comparing one document. Raises `BrokenSide`."""
     if len(values) == 2:
         raise BrokenSide([from_plain(one) for one in values[0]], values[1])
-    name, changes, unknown, mechanism = values
-    return Comparison(name=name, changes=tuple(map(_change, changes)), unknown=tuple(unknown), mechanism=mechanism)
+    name, changes, unknown, mechanism, explained = values
+    lists = (tuple(map(_change, one)) for one in (changes, explained))
+    return Comparison(name=name, changes=next(lists), unknown=tuple(unknown), mechanism=mechanism, explained=next(lists))
 
 
 def _change(values: dict[str, Any]) -> Change:

@@ -71,7 +71,7 @@ def as_text(answer: DiffResult) -> Iterator[str]:
     if not answer.documents and not answer.changes:
         yield f"{answer.old} -> {answer.new}: {NOTHING}"
     for name, comparison in answer.documents:
-        if not comparison.changes:
+        if not comparison.changes and not comparison.mechanism:
             yield f"{name}: {NOTHING}"
             continue
         yield f"{name}: {answer.old} -> {answer.new}"
@@ -108,10 +108,10 @@ def as_markdown(answer: DiffResult, pictures: Callable[[str, str], str] | None =
 def _markdown(answer: DiffResult, limit: int, pictures: Callable[[str, str], str] | None) -> Iterator[str]:
     yield f"### {_code(answer.old)} → {_code(answer.new)}"
     yield from (f"- {_code(one.path)} is {_ALONE[one.change]}" for one in answer.alone[:limit])
-    if not any(comparison.changes for _, comparison in answer.documents):
+    if not any(comparison.changes or comparison.mechanism for _, comparison in answer.documents):
         yield "" if answer.changes else f"\n{NOTHING.capitalize()}."
     for name, comparison in answer.documents:
-        if not comparison.changes:
+        if not comparison.changes and not comparison.mechanism:
             continue
         yield f"\n#### {_code(name)}\n"
         if pictures is not None and comparison.pictures:
@@ -270,9 +270,7 @@ def _value(field: str, value: DisplayValue) -> str:
         return str(Quantity(value, ANGLE))
     if last == "rest" and first == "measured":
         return f"{value:.6g} s"
-    if last == "volume":
-        return f"{value * 1e6:.4g} cm^3"
-    return f"{value * 1e4:.4g} cm^2" if last == "area" else f"{value:.6g}"
+    return f"{value * 1e6:.4g} cm^3" if last == "volume" else f"{value * 1e4:.4g} cm^2" if last == "area" else f"{value:.6g}"
 
 
 STYLE = "\n" + resources.files(__package__).joinpath("page.css").read_text(encoding="utf-8")
@@ -292,7 +290,7 @@ def _body(differences: DiffResult) -> Iterator[str]:
     yield from (f"<p><code>{html_text(one.path)}</code> is {_ALONE[one.change]}</p>" for one in differences.alone)
     for name, comparison in differences.documents:
         yield f"<h2><code>{html_text(name)}</code></h2>"
-        if not comparison.changes:
+        if not comparison.changes and not comparison.mechanism:
             yield f"<p>{NOTHING.capitalize()}.</p>"
             continue
         if comparison.pictures:

@@ -103,13 +103,20 @@ def compare_mechanisms(one: Mechanism, other: Mechanism, tolerance: float = TOLE
 
     If `explain` is false, the differences of mechanisms that are not the same are not searched for.
     """
+    return match_mechanisms(one, other, tolerance, explain=explain)[0]
+
+
+def match_mechanisms(
+    one: Mechanism, other: Mechanism, tolerance: float = TOLERANCE, *, explain: bool = True,
+) -> tuple[MechanismComparison, RobotMap | None]:
+    """Compare two mechanisms like `compare_mechanisms`. Also return the best map from `one` to `other`, or None if nothing fits."""
     maps = find_maps(one, other, tolerance)
     exact, complete = bool(maps), len(maps) < MOST
     if explain and not exact:
         maps = find_maps(one, other, tolerance, exact=False)
         maps = [found for found in maps if found.misfits <= maps[0].misfits + EXACT]
     if not maps:
-        return MechanismComparison(one=one.name, other=other.name, same=False, differences=tuple(_counts(one, other)))
+        return MechanismComparison(one=one.name, other=other.name, same=False, differences=tuple(_counts(one, other))), None
     fits = [(any(_couplings(one, other, found, tolerance)), len(list(_properties(one, other, found, tolerance)))) for found in maps]
     maps = [found for found, fit in zip(maps, fits, strict=True) if fit == min(fits)]
     best = min(maps, key=lambda found: max(max(link.apart) for link in found.links.values()) > EXACT * tolerance)  # the first exact one
@@ -124,7 +131,7 @@ def compare_mechanisms(one: Mechanism, other: Mechanism, tolerance: float = TOLE
         complete=complete, links=tuple(_links(one, other, best)), joints=tuple(_joints(one, other, best)), differences=tuple(differences),
         limits=tuple(found for found in properties if found.what == "limits"),
         properties=tuple(found for found in properties if found.what != "limits"), residual=residuals,
-    )
+    ), best
 
 
 def _counts(one: Mechanism, other: Mechanism) -> Iterator[MechanismDifference]:

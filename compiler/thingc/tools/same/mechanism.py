@@ -128,14 +128,15 @@ def mechanism_of_mode(name: str, mode: Mode) -> Mechanism:
                     leader=one.mimic.joint, polynomial=(one.mimic.offset, one.mimic.multiplier, *one.mimic.higher),
                 ),
             ) for one in waiting]
-            before, after = _pose(waiting[0].X_PJ), _pose(joint.X_JL)
+            before, after = to_pose(waiting[0].X_PJ), to_pose(joint.X_JL)
             builder.add(joint.parent, joint.child, before, after, coordinates, ball=joint.kind == "ball")
             waiting = []
     for number, link in enumerate(mode.links):
         if link.fixed_to is not None:
-            builder.welds.append((link.fixed_to, number, _pose(mode.links[link.fixed_to].X_root_link).inverse() @ _pose(link.X_root_link)))
+            near = to_pose(mode.links[link.fixed_to].X_root_link)
+            builder.welds.append((link.fixed_to, number, near.inverse() @ to_pose(link.X_root_link)))
     for cut in mode.cuts:
-        before, after = _pose(cut.X_PA), _pose(cut.X_CB).inverse()
+        before, after = to_pose(cut.X_PA), to_pose(cut.X_CB).inverse()
         coordinates = [_Coordinate(name=one, twist=_twist(row)) for one, row in zip(cut.coordinates, cut.twists, strict=True)]
         if coordinates:
             builder.add(cut.parent, cut.child, before, after, coordinates, ball=cut.kind == "ball")
@@ -149,7 +150,8 @@ def _vector(row: Iterable[float]) -> Vector:
     return (x, y, z)
 
 
-def _pose(rows: Array) -> Pose:
+def to_pose(rows: Array) -> Pose:
+    """Convert a pose (4, 4)."""
     return Pose(rotation=_matrix(rows[:3, :3]), translation=_vector(rows[:3, 3]))
 
 

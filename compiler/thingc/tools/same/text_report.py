@@ -64,9 +64,9 @@ def as_text(result: MechanismComparison, sides: tuple[str, str]) -> Iterator[str
 
 
 def summary(result: MechanismComparison) -> str:
-    """Return one line about two robots that are the same mechanism, with the joint zeros and signs that differ."""
+    """Return one line about two robots that are the same mechanism, or differ in masses, with the joint zeros and signs that differ."""
     zeros = zeros_of(result)
-    return f"the same mechanism{'; ' + zeros if zeros else ''}"
+    return f"the same mechanism{'' if result.same else ' except for masses'}{'; ' + zeros if zeros else ''}"
 
 
 def zeros_of(result: MechanismComparison) -> str:
@@ -111,9 +111,7 @@ def _distance(one: MechanismDifference) -> str:
     assert one.by is not None
     if one.what in ("mass", "inertia"):
         return f"differs by {100.0 * one.by:.3g} %"
-    if one.what == "axis angle":
-        return f"differs by {degrees(one.by):.3g} deg"
-    return f"differs by {1000.0 * one.by:.3g} mm"
+    return f"differs by {degrees(one.by):.3g} deg" if one.what == "axis angle" else f"differs by {1000.0 * one.by:.3g} mm"
 
 
 def _coupling(coupling: tuple[str, *tuple[float, ...]] | None) -> str:

@@ -341,9 +341,7 @@ def _full_or_short(short: Schema, mounts: Iterable[str], *, mount: Schema | None
     if "mount" in words:
         text = "A mount of this component, in the full form of a mate: `{mount: back, to: plate.servo_seat, turn: 90 deg}`."
         brief["properties"]["mount"] = {"type": "string", "description": text}
-    if not words:
-        return brief
-    return {"if": {"anyOf": [{"required": [word]} for word in words]}, "then": full, "else": brief}
+    return brief if not words else {"if": {"anyOf": [{"required": [word]} for word in words]}, "then": full, "else": brief}
 
 
 def _coordinate(joint: JointFacts) -> Schema:

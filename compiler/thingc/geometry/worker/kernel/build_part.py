@@ -328,10 +328,7 @@ def _compare_mounts(mounts: dict[str, records.MountRecord], solid: TopoDS_Shape)
     if not any(mount.features for mount in mounts.values()):
         return mounts
     measured = features_of(solid)
-    return {
-        name: replace(mount, contradictions=contradictions(mount.features, mount.pose, measured))
-        for name, mount in mounts.items()
-    }
+    return {name: replace(mount, contradictions=contradictions(mount.features, mount.pose, measured)) for name, mount in mounts.items()}
 
 
 def _body_volumes(solid: TopoDS_Shape) -> tuple[float, ...]:
