@@ -343,7 +343,8 @@ def test_modes_and_formats_replace_the_collision_shapes_of_a_link(
     tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Also in the viewer and in `thingc collision`. The mass and the drawn shape do not change."""
-    _, made = built(tmp_path, LINK, shared_store, ("mjcf", "urdf", "html"))
+    compilation, made = built(tmp_path, LINK, shared_store, ("mjcf", "urdf", "html"))
+    assert [robot.assembly.occurrences[1].collides for robot in compilation.robots] == [True, True, False]
     kinds, heights = {}, {}
     for mode in ("plain", "ball", "ghost"):
         model = model_of(made["mjcf"], f"robot_{mode}")

@@ -282,7 +282,8 @@ from thingc import Thing
 
 class Motor(Thing):
     bom = {
-        "number": "M-1", "supplier": "us", "cost": {10: "9.80 EUR", 1: "12.50 EUR"}, "link": "https://us.example/m1", "picture": "PICTURE",
+        "number": "M-1", "supplier": "us", "cost": {10: "9.80 EUR", 2: "12 EUR", 1: "12.50 EUR"}, "link": "https://us.example/m1",
+        "picture": "PICTURE",
     }
     def result(self):
         return Box(10, 10, 10)
@@ -303,7 +304,7 @@ def motors(folder: Path, store: str, text: str, picture: str = "motor.png") -> l
 
 
 @pytest.mark.parametrize(("count", "more", "price"), [
-    (9, "", "12.50 EUR"), (10, "", "9.80 EUR"), (10, ", bom: {cost: 7 EUR}", "7 EUR"), (9, "}\ncatalog: catalog.csv #", "6 EUR"),
+    (9, "", "12 EUR"), (10, "", "9.80 EUR"), (10, ", bom: {cost: 7 EUR}", "7 EUR"), (9, "}\ncatalog: catalog.csv #", "6 EUR"),
 ])
 def test_part_classes_have_prices_by_quantity_and_pictures(tmp_path: Path, shared_store: str, count: int, more: str, price: str) -> None:
     """Values of the document take precedence over those of the catalog, and these over those of the class."""
