@@ -96,7 +96,7 @@ def test_mass_centre_inertia_and_mounts_are_those_of_the_frozen_assembly(lumped:
     members = [body, *(f"{hand}/{name}" for name in MEMBERS[1:])]
     for got, expected in zip(composite(one, rigid, [body]), composite(many, moving, members)):
         assert np.allclose(got, expected, rtol=0.0, atol=1e-12)
-    for site in ("back", "tip"):
+    for site in ("back", "tip", "home"):
         poses = [np.linalg.inv(pose_of(data.body(body))) @ pose_of(data.site(f"{hand}/{site}")) for data in (rigid, moving)]
         assert np.allclose(*poses, rtol=0.0, atol=1e-12)
     poses = [np.linalg.inv(pose_of(data.body("base"))) @ pose_of(data.body(body)) for data in (rigid, moving)]

@@ -135,6 +135,7 @@ def test_scene_poses_place_objects(desk: Built) -> None:
     model = desk.model("scene")
     start, moved = (at_start(model, pose) for pose in ("start", "moved"))
     assert moved.joint("left/shoulder").qpos == pytest.approx([-0.7])
+    assert moved.joint("left/wrist").qpos == pytest.approx([1, 0, 0, 0])  # 0 in the pose `folded`, unlike in the start pose `home`
     assert moved.body("cube/cube").xpos - start.body("cube/cube").xpos == pytest.approx([0, 0, 0.1], abs=1e-12)
     assert start.body("cube/cube").xpos == pytest.approx([0, 0, 0.41], abs=1e-12)  # it stands on the table
     assert moved.body("fourth/foot").xpos - start.body("fourth/foot").xpos == pytest.approx([0.1, 0, 0], abs=1e-12)

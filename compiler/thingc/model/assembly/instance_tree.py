@@ -18,7 +18,7 @@ from thingc.base.suggestions import Hint, closest_name, did_you_mean
 from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.part_instances import PartInstances, bom_of
 from thingc.model.assembly.report import LinkReport
-from thingc.model.assembly.types import MountAt, PartInstance, Unit
+from thingc.model.assembly.types import MIRRORED_ORIGIN, MountAt, PartInstance, Unit
 from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Component, ExtraMount, Reference
 
 
@@ -81,6 +81,11 @@ class FoundMount(MountAt):
 
     pose: Pose
 
+    @property
+    def name(self) -> str:
+        """The name of the mount in the document."""
+        return "origin" if self.mount == MIRRORED_ORIGIN else self.mount
+
 
 class _Fault(FrozenStruct):
     """The reason why the target of a reference was not found. If `silent` is True, the cause has already been reported."""
@@ -93,6 +98,8 @@ class _Fault(FrozenStruct):
 
 
 _SILENT = _Fault(silent=True)
+_OTHER_AXES = ("x", "z")
+"""Axes of mirror images in which the mirrored mount `origin` differs from the frame of its component."""
 
 
 def unplaced_components(definition: AssemblyDefinition) -> list[str]:
@@ -162,6 +169,11 @@ class Tree:
 
     def _add_mounts(self) -> None:
         for instance, definition in self.assemblies:
+            if definition.mirror in _OTHER_AXES:
+                origin = ExtraMount(pose=Mirror(definition.mirror).origin, origin=instance.origin)
+                for inner in instance.occurrences():
+                    if inner.index is not None:
+                        self.added.setdefault(inner.index, {})[MIRRORED_ORIGIN] = origin
             component = instance.component
             if component is None:
                 continue
@@ -277,9 +289,9 @@ class Tree:
                     help=_mount_help(name, [*definition.mounts, *added, "origin"], document), notes=_exports_note(definition),
                 )
         if instance.part is not None and instance.index is not None and name in instance.part.mounts:
-            mirror = within.mirror if within is not None and name == "origin" else None  # a mirrored frame is a different mount
-            pose = Mirror(mirror).origin if mirror else instance.part.mounts[name].pose
-            return FoundMount(occurrence=instance.index, mount=name, pose=pose)
+            if within is not None and within.mirror in _OTHER_AXES and name == "origin":
+                return FoundMount(occurrence=instance.index, mount=MIRRORED_ORIGIN, pose=Mirror(within.mirror).origin)
+            return FoundMount(occurrence=instance.index, mount=name, pose=instance.part.mounts[name].pose)
         return _SILENT if exported else _no_mount(instance, name, label, document)
 
 

@@ -149,7 +149,7 @@ def _mate(parent: FoundMount, child: FoundMount, attach: Attach | Joint, joints:
     if isinstance(attach, Joint) and attach.mirrored:
         X_PJ, X_JC = X_PJ @ UPSIDE_DOWN, UPSIDE_DOWN @ X_JC
     return Mate(
-        parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount=child.mount, X_PJ=X_PJ, X_JC=X_JC,
+        parent=parent.occurrence, child=child.occurrence, parent_mount=parent.name, child_mount=child.name, X_PJ=X_PJ, X_JC=X_JC,
         joints=joints, origin=origin, name=path if joints or attach.keep else None,
         loop=path if isinstance(attach, Joint) and attach.loop else None, keep=attach.keep,
         base=isinstance(attach, Joint) and attach.base,
@@ -158,7 +158,7 @@ def _mate(parent: FoundMount, child: FoundMount, attach: Attach | Joint, joints:
 
 def _mate_at_pose(parent: FoundMount, child: FoundMount, pose: Pose, origin: Origin, path: str | None) -> Mate:
     return Mate(
-        parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount="origin",
+        parent=parent.occurrence, child=child.occurrence, parent_mount=parent.name, child_mount="origin",
         X_PJ=parent.pose @ pose, X_JC=child.pose.inverse(), joints=(), origin=origin, name=path, keep=path is not None,
     )
 

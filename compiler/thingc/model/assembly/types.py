@@ -318,6 +318,10 @@ class Link(OneLineRepr, FrozenStruct):
     origin: Origin
 
 
+MIRRORED_ORIGIN = "origin (mirror)"
+"""Name of the mount `origin` of a component in an assembly that is mirrored along x or z. Its y axis is reversed, as in other mounts."""
+
+
 class MountAt(OneLineRepr, FrozenStruct):
     """A mount in the linked assembly, given by the index of its occurrence and by its name."""
 

@@ -36,23 +36,23 @@ def poses(table: DocumentScope, scope: Scope) -> None:
     joints: Joints = dict(table.all_joints())
     for name, entries in table.spec.poses.items():
         path: Path = ("poses", name)
-        layers: tuple[Settings, Settings, Settings] = (_start_poses(table), {}, {})  # in this order: nested poses, patterns, exact names
+        nested, layers = {"": _start_poses(table)}, (Settings(), Settings())  # in this order: nested poses, patterns, exact names
         for key, raw in entries.items():
             at = (*path, key)
             coordinates = [joint for joint in joints if joint.number is not None and joint.joint == key]
             if coordinates or (key in joints and isinstance(raw, (list, dict, TurnSpec))):
-                _set_coordinates(scope, joints, key, coordinates, raw, at, layers[2])
+                _set_coordinates(scope, joints, key, coordinates, raw, at, layers[1])
             elif key in joints:
-                _set(scope, joints, [CoordinateName(key)], raw, at, layers[2], exact=True)
+                _set(scope, joints, [CoordinateName(key)], raw, at, layers[1], exact=True)
             elif isinstance(raw, str):
-                _apply_nested_pose(table, scope, key, raw, at, layers[0])
+                _apply_nested_pose(table, scope, key, raw, at, nested)
             elif GLOB.search(key) and isinstance(raw, (list, dict, TurnSpec)):
-                _set_matching_coordinates(scope, joints, key, raw, at, layers[1])
+                _set_matching_coordinates(scope, joints, key, raw, at, layers[0])
             elif GLOB.search(key):
-                _set_matching(table, scope, joints, key, raw, at, layers[1])
+                _set_matching(table, scope, joints, key, raw, at, layers[0])
             else:
                 _report_unknown(table, scope, joints, key, at)
-        merged: Settings = {**layers[0], **layers[1], **layers[2]}
+        merged: Settings = {joint: q for layer in (*nested.values(), *layers) for joint, q in layer.items()}
         has_errors = any(document == scope.document.relative and place[:2] == path for document, _, place, _ in scope.reported)
         if has_errors or scope.doubts.touch(path):
             merged = {**_placeholders(joints, scope.origin(path, key=True)), **merged}
@@ -212,8 +212,12 @@ def _set_matching_coordinates(scope: Scope, joints: Joints, key: str, raw: Any, 
         scope.error(Code.COORDINATES, f"the value of pattern `{key}` must not be a list", path, key=True, help="write one value")
 
 
-def _apply_nested_pose(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, settings: Settings) -> None:
-    """Apply an entry such as `leg_*: folded`, which uses the pose `folded` of the nested documents `leg_0`, `leg_1`, ..."""
+def _apply_nested_pose(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, nested: dict[str, Settings]) -> None:
+    """Apply an entry such as `leg_*: folded`, which uses the pose `folded` of the nested documents `leg_0`, `leg_1`, ...
+
+    `nested` contains the positions from earlier entries by the prefix of the paths in the nested document. Joints that the pose does not
+    set are at 0, so earlier positions from the same document, or from a document that contains it, are removed.
+    """
     matched = references.matching(table, key)
     assemblies = [(name, node) for name, node in matched if node.spec.assembly is not None]
     if not assemblies:
@@ -240,9 +244,15 @@ def _apply_nested_pose(table: DocumentScope, scope: Scope, key: str, pose: str, 
             )
         inner_pose = inner.poses.get(pose)
         if inner_pose is not None:
-            prefix = name.replace(".", "/")
-            for joint, q in inner_pose.values.items():
-                settings[f"{prefix}/{joint}"] = (q, (*inner_pose.origins[joint], *scope.origin(path)))
+            prefix = f"{name.replace('.', '/')}/"
+            earlier = [settings for owner, settings in nested.items() if prefix.startswith(owner)]
+            for coordinate, _ in inner.all_joints():
+                for settings in earlier:
+                    settings.pop(prefix + coordinate.path, None)
+            nested.pop(prefix, None)  # the new entry is the last one
+            nested[prefix] = {
+                prefix + joint: (q, (*inner_pose.origins[joint], *scope.origin(path))) for joint, q in inner_pose.values.items()
+            }
 
 
 def _may_be_below_unresolved(table: DocumentScope, key: str) -> bool:

@@ -13,7 +13,7 @@ from msgspec.structs import asdict, replace
 from thingc.base.diagnostics import Note, Report, first_notes
 from thingc.base.inertia import named_moments, total
 from thingc.base.one_line_repr import format_count
-from thingc.base.pose import Mirror, Pose, make_translation
+from thingc.base.pose import Pose, make_translation
 from thingc.base.primitives import Primitive
 from thingc.geometry.lock.lock import LOCK_FILE
 from thingc.geometry.lock.reader import LockOnlyGeometry
@@ -83,8 +83,7 @@ def _lump(
     for exported in assembly.exported:
         if "/" not in exported.path:
             mount = assembly.occurrences[exported.occurrence].mounts[exported.mount]
-            own = Mirror(nested.mirror).origin if nested.mirror is not None and exported.mount == "origin" else mount.pose
-            values = {**asdict(mount), "pose": poses[exported.occurrence] @ own, "origin": exported.origin}
+            values = {**asdict(mount), "pose": poses[exported.occurrence] @ mount.pose, "origin": exported.origin}
             mounts[exported.path] = ExtraMount(**values)
     moments = named_moments(body.inertia)
     overrides = Overrides(

@@ -20,7 +20,7 @@ from thingc.documents.checks.stack import KIND, StackCheck
 from thingc.driver.testing.outcomes import ABOVE, BELOW, ROUNDING, Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.model.assembly.interfaces import mount_name
 from thingc.model.assembly.kinematics import neighbourhood, on_loops
-from thingc.model.assembly.types import Assembly, Mate, MountAt
+from thingc.model.assembly.types import MIRRORED_ORIGIN, Assembly, Mate, MountAt
 from thingc.model.robot.kinematics import body_poses, in_world, occurrence_poses
 from thingc.model.robot.types import Keyframe, Robot
 
@@ -146,7 +146,7 @@ def _mount_contributions(
     for name in mounts:
         own = occurrence.mounts[name].tolerance
         tolerance = process.tolerance if own is None else own
-        if name == "origin" or tolerance is None and process.tilt is None:
+        if name in ("origin", MIRRORED_ORIGIN) or tolerance is None and process.tilt is None:
             continue
         arm = add_scaled(end, poses[index].apply(occurrence.mounts[name].pose.translation), -1.0)
         axes = [rotate(poses[index].rotation, axis) for axis in AXES]
