@@ -146,10 +146,10 @@ def test_left_leg_mirrors_right_leg_at_equal_q(mirrored: Built, axis: str, tmp_p
             np.testing.assert_allclose(at[f"left/{name}"], across @ at[f"right/{name}"] @ own, atol=1e-12, err_msg=name)
             of_leg = np.linalg.inv(at["right/hip"]) @ at[f"right/{name}"]
             np.testing.assert_allclose(at[f"laid/{name}"], laid @ own @ of_leg @ own, atol=1e-12, err_msg=name)
-        parts, ends = assembly_of(made).occurrences, {one.path: one for one in assembly_of(made).exported}
-        mounts = {
-            path: at[parts[one.occurrence].path] @ np.array(parts[one.occurrence].mounts[one.mount].pose.rows()) for path, one in ends.items()
-        }
+        mounts = {}
+        for one in assembly_of(made).exported:
+            part = assembly_of(made).occurrences[one.occurrence]
+            mounts[one.path] = at[part.path] @ np.array(part.mounts[one.mount].pose.rows())
         for name in ("top", "tip", "mid"):  # the y axis of a mirrored mount is reversed, also of the origin `mid`
             np.testing.assert_allclose(mounts[f"left/{name}"], across @ mounts[f"right/{name}"] @ across, atol=1e-12, err_msg=name)
     S = own[:3, :3]
