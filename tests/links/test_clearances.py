@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from manifold3d import Manifold
 
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
@@ -18,6 +19,7 @@ from thingc.driver.testing.collisions import collisions_of
 from thingc.geometry.service import GeometryService
 from thingc.geometry.worker_calls import WorkerCalls
 from thingc.model.robot.kinematics import occurrence_poses
+from thingc.model.solids.shapes import Solid
 from thingc.tools.cli.main import main
 
 SHAPES = {
@@ -139,6 +141,16 @@ def test_document_tests_measure_clearances(folder: Path, model: mujoco.MjModel) 
         lowest = min(heights, key=lambda name: heights[name])
         assert high["measured"] == {"clearance": pytest.approx(heights[lowest], abs=3e-6), "part": lowest}
         assert free["passed"] is (min(expected.values()) > 0.01)
+
+
+def test_distances_above_the_limit_are_the_limit() -> None:
+    """Rounding must not make a larger distance look like a measured distance below the limit."""
+    core, rng = Manifold.cube((0.001, 0.001, 0.001)), np.random.default_rng(5)
+    for _ in range(50):
+        one, other = (Solid(core, ((core, radius),)) for radius in rng.uniform(0.0, 0.01, 2))
+        radii, within, distance = one.cores[0][1] + other.cores[0][1], rng.uniform(1e-4, 0.01), rng.uniform(1e-5, 0.02)
+        far = Solid(core, ((core.translate((0.001 + radii + distance, 0.0, 0.0)), other.cores[0][1]),))
+        assert one.gap(far, within) == (within if distance > within else pytest.approx(distance, abs=1e-12))
 
 
 def test_neighbouring_links_are_skipped(tmp_path: Path, no_kernel: None) -> None:

@@ -212,10 +212,10 @@ def _set_matching_coordinates(scope: Scope, joints: Joints, key: str, raw: Any, 
         scope.error(Code.COORDINATES, f"the value of pattern `{key}` must not be a list", path, key=True, help="write one value")
 
 
-def _apply_nested_pose(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, nested: dict[str, Settings]) -> None:
+def _apply_nested_pose(table: DocumentScope, scope: Scope, key: str, pose: str, path: Path, layers: dict[str, Settings]) -> None:
     """Apply an entry such as `leg_*: folded`, which uses the pose `folded` of the nested documents `leg_0`, `leg_1`, ...
 
-    `nested` contains the positions from earlier entries by the prefix of the paths in the nested document. Joints that the pose does not
+    `layers` contains the positions from earlier entries by the prefix of the paths in the nested document. Joints that the pose does not
     set are at 0, so earlier positions from the same document, or from a document that contains it, are removed.
     """
     matched = references.matching(table, key)
@@ -245,12 +245,12 @@ def _apply_nested_pose(table: DocumentScope, scope: Scope, key: str, pose: str, 
         inner_pose = inner.poses.get(pose)
         if inner_pose is not None:
             prefix = f"{name.replace('.', '/')}/"
-            earlier = [settings for owner, settings in nested.items() if prefix.startswith(owner)]
+            earlier = [settings for owner, settings in layers.items() if prefix.startswith(owner)]
             for coordinate, _ in inner.all_joints():
                 for settings in earlier:
                     settings.pop(prefix + coordinate.path, None)
-            nested.pop(prefix, None)  # the new entry is the last one
-            nested[prefix] = {
+            layers.pop(prefix, None)  # the new entry is the last one
+            layers[prefix] = {
                 prefix + joint: (q, (*inner_pose.origins[joint], *scope.origin(path))) for joint, q in inner_pose.values.items()
             }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,8 @@ FACETS = 128
 """Number of facets around a cylinder or another curved surface. The approximation error is less than 0.1 % of the radius."""
 THIN = 1e-8
 """Thickness [m] of the solids that replace a point or a line, because manifold3d supports only solids with a volume."""
+ROUNDING = 1e-12
+"""Relative rounding error of distances."""
 ENDLESS = 100.0
 """Size [m] of the solid that replaces an infinite plane, and thickness of this solid."""
 
@@ -51,10 +54,13 @@ class Solid(FrozenStruct, kw_only=False):
 
         Distances above `within` are not computed: the result is then `within`. The distance is 0 if the solids intersect.
         """
-        return min(
-            max(float(one.min_gap(two, within + more + also)) - more - also, 0.0)
-            for one, more in self.cores for two, also in other.cores
-        )
+        gap = within
+        for (one, more), (two, also) in product(self.cores, other.cores):
+            reach = within + more + also
+            found = float(one.min_gap(two, reach))
+            if found < reach * (1.0 - ROUNDING):  # otherwise the rounding error of the difference would count as a smaller distance
+                gap = min(gap, max(found - more - also, 0.0))
+        return gap
 
     def overlap(self, other: Solid) -> tuple[float, float]:
         """Return the volume [m^3] of the intersection with another solid, and its mean thickness [m].
