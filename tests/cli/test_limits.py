@@ -83,6 +83,25 @@ def test_one_interval_is_found_from_every_pose(rig: Workspace, home: float) -> N
     assert low <= home <= high and found["free"] == found["intervals"][0] and found["contacts"] == ["pin and vane"] * 2
 
 
+def test_interval_ends_at_a_contact_that_is_approached_slowly(rig: Workspace) -> None:
+    """A ball on a circle grazes a wall: the gap is only 0.02 mm 1.1 deg before the contact, and proofs of longer steps fail."""
+    body = "frame: true, mass: 1 kg, inertia: {ixx: 1 g*m^2, iyy: 1 g*m^2, izz: 1 g*m^2}"
+    text = HEAD + f"""\
+components:
+  wall: {{link: true, mass: 1 kg, shapes: [{{box: 10 300 50 mm, at: {{xyz: 114.98 0 0 mm}}}}]}}
+  carrier: {{{body}}}
+  arm: {{link: true, mass: 1 kg, shapes: [{{sphere: {{radius: 10 mm}}, at: {{xyz: 100 0 0 mm}}}}]}}
+joints:
+  lift: {{type: prismatic, parent: wall.origin, child: carrier.origin, axis: [0, 0, 1], limit: {{lower: 0, upper: 1 mm}}}}
+  turn: {{type: continuous, parent: carrier.origin, child: arm.origin, axis: [0, 0, 1]}}
+poses: {{home: {{turn: 90 deg}}}}
+modes: {{bench: {{root: wall, pose: home}}}}
+"""
+    ((low, high),) = np.degrees(searched(rig, text)["intervals"])
+    contact = np.degrees(np.arccos(0.9998))
+    assert contact <= low <= contact + 0.25 and contact <= 360.0 - high <= contact + 0.25
+
+
 def test_second_pin_splits_the_range(rig: Workspace) -> None:
     """A second pin, opposite to the first, leaves two intervals. One of them crosses the end of the searched turn."""
     text = VANE.replace("  hub:", "  post: {part: rig_parts:Block, params: {x: 0.5 mm, y: 0.5 mm, z: 10 mm}, "

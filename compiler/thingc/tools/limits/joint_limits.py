@@ -21,6 +21,7 @@ from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.types import Keyframe, Robot
 from thingc.model.solids.clearance import SolidPair, SolidPlace, Sweep, prove
 from thingc.model.solids.contact_cells import prove_pairs
+from thingc.model.solids.joint_boxes import SKIN
 
 COARSE = 16.0
 """Length of the shortest interval that is surely found, relative to the accuracy of the ends of intervals."""
@@ -102,6 +103,7 @@ class _Search:
 
     def __init__(self, sweep: Sweep, pairs: Sequence[SolidPair], width: float) -> None:
         self._sweep, self._pairs, self._width = sweep, list(pairs), width
+        self._fine = True  # whether a shorter step is not free either, because parts touch, or the step is too short
         self.blocked: list[tuple[float, SolidPair | None]] = []
 
     def is_free(self, middle: float, half: float) -> bool:
@@ -117,7 +119,7 @@ class _Search:
     def advance(self, end: float, sign: float, last: float) -> float:
         """Move an end of a free interval towards `last` as far as no pair touches, and return it."""
         step = COARSE * self._width
-        while step > self._width / 4.0 and end != last:
+        while end != last and (step > self._width / 4.0 or not self._fine):
             step = min(step, abs(last - end))
             if self.is_free(end + sign * step / 2.0, step / 2.0):
                 end = last if step == abs(last - end) else end + sign * step
@@ -127,10 +129,14 @@ class _Search:
 
     def _is_clear(self, place: SolidPlace, pair: SolidPair, half: float) -> bool:
         if not pair.apart:
+            self._fine = True
             return 2.0 * half <= COARSE * self._width and place.overlap(pair)[1] <= pair.deep
         (gap,), (path,) = place.bounds([pair], np.array([half]))
         within = pair.floor + path
-        return bool(gap >= within or place.gap(pair, within) >= within)
+        if gap < within:
+            gap = place.gap(pair, within)
+            self._fine = bool(path <= SKIN or gap < pair.floor)
+        return bool(gap >= within)
 
 
 TURN = pi
