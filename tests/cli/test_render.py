@@ -227,7 +227,7 @@ def test_machine_without_rendering_support(lamp: Path, tmp_path: Path, without: 
 
 def test_graphics_fail_if_mujoco_was_imported_without_a_screen(tmp_path: Path) -> None:
     """In a process that has loaded an OpenGL library, as the CAD kernel does, MuJoCo would abort the process."""
-    code = "import build123d, mujoco\nfrom thingc.targets.render.picture import NoGraphics, ready\n"
+    code = "import OCP.gp, mujoco\nfrom thingc.targets.render.picture import NoGraphics, ready\n"
     code += "try: ready()\nexcept NoGraphics as fault: print(fault)"
     env = {name: value for name, value in os.environ.items() if name not in ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY")}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env, cwd=tmp_path)

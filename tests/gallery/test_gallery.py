@@ -78,8 +78,9 @@ def test_modes_can_be_simulated(name: str, shared_store: str) -> None:
         assert not closed.any() or np.abs(data.efc_pos[: data.nefc][closed]).max() < 2e-3, mode
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in ("biped", "delta", "hexapod", "wrist")])
 def test_tests_of_the_robot_pass(name: str, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The page `docs/gallery.md`, which is tested, shows the results of the other robots."""
     assert main(["test", document(name), "--strict", "--store", shared_store]) == 0, capsys.readouterr()
 
 

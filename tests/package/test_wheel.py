@@ -17,7 +17,7 @@ import mujoco
 import pytest
 
 import thingc
-from package.installed import ROOT, build, install, run_module
+from package.installed import ROOT, build, install
 
 pytestmark = pytest.mark.slow
 
@@ -104,12 +104,6 @@ def test_links_in_the_description_are_absolute(metadata: Message) -> None:
     own = [match[2] for target in targets if (match := prefixes.match(target))]
     assert len(own) > 30 and all((ROOT / path.partition("#")[0]).exists() for path in own)
     assert {Path(path).suffix for path in own if "raw." in path or path.startswith("docs/pictures/")} <= {".png", ".svg"}
-
-
-def test_pip_builds_the_same_wheel_from_the_sdist(wheel: Path, sdist: Path, tmp_path: Path) -> None:
-    """Therefore, the next test also covers an installation from the sdist."""
-    run_module("pip", "wheel", "--no-deps", "--no-index", "--no-build-isolation", "--wheel-dir", str(tmp_path), str(sdist))
-    assert (tmp_path / wheel.name).read_bytes() == wheel.read_bytes()
 
 
 def test_installed_thingc_creates_and_builds_a_robot(wheel: Path, tmp_path: Path, shared_store: str) -> None:

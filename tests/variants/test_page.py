@@ -22,7 +22,7 @@ from thingc.batch import folder_layout
 from thingc.batch.page import write_page
 from thingc.batch.pictures import along_the_axes, draw, usual
 from thingc.batch.tables import Column, columns
-from variants.robots import batch_here, environment, thingc, workspace
+from variants.robots import batch_here, environment, workspace
 from viewer.browser import chromium, needed
 
 pytestmark = pytest.mark.slow
@@ -376,7 +376,7 @@ def test_cards_show_the_number_of_omitted_values(tmp_path: Path, shared_store: s
 def test_page_without_graphics(stands: Path, tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, stands=STANDS)
     env = {**environment(shared_store), "MUJOCO_GL": "nonsense"}
-    done = thingc("batch", "stands.yaml", "--verify", "none", "--jobs", "1", cwd=here, env=env)
+    done = batch_here("stands.yaml", "--verify", "none", "--jobs", "1", cwd=here, env=env)
     assert done.returncode == 0 and "warning[TC808]" in done.stderr and "Traceback" not in done.stderr, done.stderr
     assert (here / "build/stands/index.html").is_file() and not os.path.exists(here / "build/stands/pictures")
 
