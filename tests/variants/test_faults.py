@@ -141,14 +141,14 @@ def test_killed_runner_loses_one_variant(tmp_path: Path, shared_store: str) -> N
 def test_interrupted_batch_can_be_resumed(tmp_path: Path, shared_store: str, number: signal.Signals) -> None:
     here = workspace(tmp_path, faults=listed(dict.fromkeys(range(16), "slow"), 16))
     env = environment(shared_store, with_emitter(tmp_path))
-    process = started(here, env, "--jobs", "2", "--limit", "14", "--emit", "faulty,mjcf", "--verify", "none")
+    process = started(here, env, "--jobs", "1", "--limit", "14", "--emit", "faulty,mjcf", "--verify", "none")
     wait_for_lines(here, 4, process)
     running = descendants(process.pid)
     process.send_signal(number)
     out, err = process.communicate(timeout=30)
     assert process.returncode == 130 and out == ""
     done = len(journal(here))
-    again = "thingc batch faults.yaml --emit faulty,mjcf --limit 14 --pictures none --verify none --jobs 2 --resume"
+    again = "thingc batch faults.yaml --emit faulty,mjcf --limit 14 --pictures none --verify none --jobs 1 --resume"
     assert err == f"interrupted ({done} of 14 variants are done); to continue, run: {again}\n"
     assert 4 <= done < 14 and running
     assert_gone(running)
@@ -427,7 +427,7 @@ def test_failing_part_affects_only_its_variant(tmp_path: Path) -> None:
         parameters: {how: [well, crash, raise, hang], side: [10 mm, 30 mm]}
     """)
     env = environment(str(tmp_path / "store"))
-    done = batch_here("faults.yaml", *ALONE, "--part-timeout", "3 s", cwd=here, env=env, runners=True)
+    done = batch_here("faults.yaml", *ALONE, "--part-timeout", "3 s", cwd=here, env=env)
     assert done.returncode == 1, done.stderr
     codes = {"well": "", "crash": Code.PART_CRASHED.code, "raise": Code.PART_RAISED.code, "hang": Code.PART_HUNG.code}
     rows = table(here)
@@ -443,7 +443,7 @@ def test_geometry_workers_end_with_a_killed_driver(tmp_path: Path) -> None:
         name: faults
         parameters: {how: [well, hang], side: [10 mm, 30 mm]}
     """)
-    process = started(here, environment(str(tmp_path / "store")), "--jobs", "2")
+    process = started(here, environment(str(tmp_path / "store")), "--jobs", "1")
     wait_for_lines(here, 2, process)
     time.sleep(1.0)
     running = descendants(process.pid)
