@@ -39,12 +39,19 @@ IMPORTED = (
 """Robot files in the package pybullet that are imported."""
 OVERLAPPING = "(a1_description|mini_cheetah|panda|plane)"
 """Imported robots whose collision shapes overlap. `plane` is the robot in `laikago.urdf`."""
-DUPLICATE_NAMES = {
+FLOATING = {
+    r"(?is)(floating|free joint|joint unsupported).*\[dropper/urdf": (
+        "The ball of `dropper` has a `floating` joint, which the reader does not support."
+    ),
+}
+MUJOCO = {
+    **FLOATING,
     r"^WARNING: Geom with duplicate name.*\[(ant|humanoid)/": (
         "An imported geom that is both visual and collision geometry becomes two geoms with the same name."
     ),
 }
-GALLERY = tuple(f"gallery/{name}/{name}.yaml" for name in ("balancer", "delta", "gecko", "gripper", "hand", "hexapod"))
+DIFFERENTIAL = r'^Unknown tag "(role|mechanicalReduction)" in .*/transmission'
+GALLERY = sorted(path for path in ROOT.glob("gallery/*/*.yaml") if path.stem == path.parent.name)
 
 
 @dataclass(frozen=True)
@@ -104,10 +111,13 @@ CHECKERS: tuple[Checker, ...] = (
             "^tree.kinematic_loop|^tree.no_root": "The USD articulation does not contain holds and joints that close loops.",
             r"^names.invalid_prim_name.*\[humanoid/": "URDF files of imported robots contain the original names.",
             r"^inertia.not_positive_definite.*'chassis'.*\[plane/": "In the source file of `plane`, an inertia is 0.",
+            r"^tree.multiple_roots.*\[dropper/": "In USD files, the ball of `dropper`, which is free, does not have a joint.",
+            **FLOATING,
         },
     ),
     Checker("urdf-validator", ("URDF",), ("urdf-validator==1.6.0",), explained={
         '^Unknown tag "mujoco"': "The checker does not know the tag `<mujoco>`, which MuJoCo reads.",
+        DIFFERENTIAL: "The checker does not know tags of differential transmissions, which ros_control reads.",
         "stability margin is negative|^--deep skipped": "The balancing robot is unstable without a controller.",
         r"^\[INERTIA\].*diverges": (
             "The checker expects the inertia of a solid box or cylinder around the visual shapes of a link."
@@ -116,7 +126,10 @@ CHECKERS: tuple[Checker, ...] = (
     Checker("check_urdf", ("URDF",), needs=("sh -c 'command -v check_urdf'",), install="apt install liburdfdom-tools"),
     Checker(
         "urdf_parser_py", ("URDF",), ("urdf-parser-py==0.0.4", "lxml==6.1.3", "PyYAML==6.0.4"),
-        explained={'^Unknown tag "mujoco"': "The parser does not know the tag `<mujoco>`, which MuJoCo reads."},
+        explained={
+            '^Unknown tag "mujoco"': "The parser does not know the tag `<mujoco>`, which MuJoCo reads.",
+            DIFFERENTIAL: "The parser does not know tags of differential transmissions, which ros_control reads.",
+        },
     ),
     Checker(
         "yourdfpy", ("URDF",), ("yourdfpy==0.0.60", "trimesh==5.2.0", "lxml==6.1.3", "six==1.17.0", "numpy==2.4.6"), alone=True,
@@ -124,9 +137,11 @@ CHECKERS: tuple[Checker, ...] = (
     Checker("pinocchio", ("URDF",), ("pin==4.1.0",)),
     Checker("pybullet", ("URDF",), PYBULLET, explained={
         "^pybullet build time": "PyBullet prints the time at which PyBullet was built.",
+        **FLOATING,
     }),
     Checker("ikpy", ("URDF",), ("ikpy==4.2.1",), explained={
         "is of type 'fixed' but set as active": "ikpy reports a warning for every fixed joint.",
+        **FLOATING,
     }),
     Checker("placo", ("URDF",), ("placo==0.10.2",), explained={
         "self collisions|collides with": (
@@ -134,10 +149,12 @@ CHECKERS: tuple[Checker, ...] = (
             "overlap."
         ),
     }),
-    Checker("scikit-robot", ("URDF",), ("scikit-robot==0.4.7",)),
+    Checker("scikit-robot", ("URDF",), ("scikit-robot==0.4.7",), explained=FLOATING),
     Checker("roboticstoolbox", ("URDF",), ("roboticstoolbox-python==1.5.0",)),
     Checker("urchin", ("URDF",), ("urchin==0.0.30",)),
-    Checker("idyntree", ("URDF",), ("idyntree==15.1.0",)),
+    Checker("idyntree", ("URDF",), ("idyntree==15.1.0",), explained={
+        r"\[dropper/": "iDynTree does not read the files of `dropper`, because it does not support the `floating` joint of the ball.",
+    }),
     Checker("dartpy", ("URDF",), ("dartpy==6.20.0",), "DART is the default physics engine of Gazebo.", explained={
         "A negative or zero mass": "DART warns about links without a mass, which represent frames.",
         r"^links missing \['world'\], added \[\]": "DART does not create a body for a root link with the name `world`.",
@@ -146,7 +163,7 @@ CHECKERS: tuple[Checker, ...] = (
         rf"_penetration.*\[{OVERLAPPING}/": "In some imported robots, collision shapes overlap, as in the source files.",
         r"^timestep_large.*\[ant/": "The large time step of the imported robot `ant` comes from the source file of this robot.",
     }),
-    *(Checker(name, ("MJCF", "URDF"), (f"mujoco=={version}",), function="mujoco", explained=DUPLICATE_NAMES) for name, version in (
+    *(Checker(name, ("MJCF", "URDF"), (f"mujoco=={version}",), function="mujoco", explained=MUJOCO) for name, version in (
         ("mujoco", "4.0.0"), ("mujoco-3.17", "3.17.0"), ("mujoco-3.11", "3.11.0"),
     )),
     Checker(
@@ -164,11 +181,13 @@ CHECKERS: tuple[Checker, ...] = (
         "newton==1.8.0", "warp-lang==1.19.0", "usd-core==26.11", "newton-usd-schemas==0.6.0", "scipy==1.17.1", "trimesh==5.2.0",
     ), explained={
         "^Inertia validation corrected": "Newton enlarges the inertia of links of 1e-9 kg between the axes of a joint.",
+        "physics:filteredPairs was not imported": "Newton does not import filters of links that do not have collision shapes.",
         "^Warp CUDA warning": "Newton warns that CUDA is missing, because the study runs on a CPU.",
     }),
     Checker("genesis", ("URDF", "MJCF"), ("genesis-world==1.4.5", "torch==2.13.0"), "The study only loads the files.", explained={
         r"has dubious .*_source\.": "Dubious masses and inertias come from the source files of imported robots.",
         r"Mesh is not watertight.*_source\.": "Meshes with holes come from the source files of imported robots.",
+        r"Failed to parse actuator .*\[wrist/": "Genesis does not support the differential of `wrist`.",
         "Joint limit ignored for ball joints": "Genesis does not support limits of ball joints.",
         "The model declares (torsional|rolling) friction": "By default, Genesis simulates only sliding friction.",
         "The model declares the elliptic friction cone": "By default, Genesis uses a pyramidal friction cone.",

@@ -295,6 +295,34 @@ def test_mimics_between_joint_kinds_are_losses(tmp_path: Path) -> None:
     ]
 
 
+FREE = """\
+thingc: assembly/1
+name: hands
+components:
+  palm: {frame: true, MASS, mounts: {slide: {}, grasp: {xyz: 0 0 50 mm}, side: {xyz: 1 0 0 m}}}
+  jaw: {frame: true, MASS}
+  ball: {frame: true, MASS}
+  other: {frame: true, MASS, mounts: {slide: {}}}
+  finger: {frame: true, MASS}
+joints:
+  open: {type: prismatic, parent: palm.slide, child: jaw.origin, limit: {lower: 0 mm, upper: 10 mm}}
+  grasp: {type: free, parent: palm.grasp, child: ball.origin}
+  away: {type: free, parent: palm.side, child: other.origin}
+  close: {type: prismatic, parent: other.slide, child: finger.origin, limit: {lower: 0 mm, upper: 10 mm}}
+modes: {palm: {root: palm}, jaw: {root: jaw, base: free}, ball: {root: ball}, finger: {root: finger}}
+""".replace("MASS", "mass: 1 kg, inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}")
+
+
+@pytest.mark.parametrize(("mode", "bases"), [
+    ("palm", {"palm", "other"}), ("jaw", {"jaw", "other"}), ("ball", {"palm", "other"}), ("finger", {"finger", "palm"}),
+])
+def test_free_joints_separate_articulations(tmp_path: Path, mode: str, bases: set[str]) -> None:
+    """Each group of links with joints is an articulation, and a free object is not part of one."""
+    model = read(Compiled(tmp_path, FREE, "usd"), mode)
+    assert {prim.GetName() for prim in model.stage.Traverse() if prim.HasAPI(UsdPhysics.ArticulationRootAPI)} == bases
+    assert {joint.name for joint in model.joints.values() if joint.parent != "world"} == {"open", "close"}
+
+
 def test_reversed_planar_joint_is_two_joints(tmp_path: Path) -> None:
     """Forwards, it slides and then rotates, like a generic joint. Backwards, it rotates first, so two joints are needed."""
     document = MIMICS.partition("joints:\n  a:")[0].partition("  joints:")[0] + (

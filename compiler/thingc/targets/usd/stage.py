@@ -107,10 +107,14 @@ class _Builder:
         self._scene()
         self._materials()
         poses = placed_bodies(robot.bodies, {joint.path: 0.0 for body in robot.bodies for joint in body.joints}, robot.bodies[0].X_PL)
-        sites = frames(robot)
+        sites, connected = frames(robot), [*connections(robot, CAPABILITIES["loops"])]
+        base_of, jointed = list(range(len(names))), [(one.parent, one.child) for one in connected if one.in_tree and one.parent is not None]
+        for parent, child in jointed:  # free joints are not part of an articulation
+            base_of[child] = base_of[parent]
+        articulations = {base_of[child] for _, child in jointed} or {0}
         for index, (name, pose) in enumerate(zip(names, poses, strict=True)):
             prim = self._body(name, links[index].properties, pose)
-            if index == 0:
+            if index in articulations:
                 prim.schemas.append("PhysicsArticulationRootAPI")
                 articulation(prim)
             filtered = [names[max(pair)] for pair in robot.excluded if min(pair) == index]
@@ -123,7 +127,7 @@ class _Builder:
                     prim.add("Xform", safe(site.path)).place(site.pose)
             self._shapes(prim, links[index])
         joints = Prim(type="Scope", name=JOINTS)
-        for connection in connections(robot, CAPABILITIES["loops"]):
+        for connection in connected:
             self._connect(joints, names, poses, connection)
         self.root.children.append(joints)
         return self.root
