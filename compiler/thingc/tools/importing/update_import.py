@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, get_args
 
 from msgspec.structs import replace
 
@@ -76,7 +76,7 @@ def earlier_import(folder: str) -> PreviousImport | None:
         text = "".join(f"{line}\n" for line in document["lines"])
         earlier = PreviousImport(
             folder=folder, source=str(source["file"]), robot=str(source["robot"]), document=_inside(document["file"]), text=text,
-            roots=tuple(options["roots"]), repair=_repair(options["repair"]),
+            roots=tuple(options["roots"]), repair=options["repair"] if options["repair"] in get_args(Repair) else None,
             meshes={_inside(name): str(sha256) for name, sha256 in record["meshes"].items()}, with_meshes=bool(options["meshes"]),
             links={**names["links"], **names["frames"]}, joints={**names["joints"]},
             keep=bool(options.get("keep")),
@@ -115,7 +115,6 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
         return None
     _say_conflicts(one, read_text(path, one.text, Report()) or texts[2], report)
     written = _changed_meshes(earlier, {name: data for name, data in files.items() if name not in (document, RECORD)}, report)
-    kept_files = tuple(name for name in earlier.edited_files() if name != earlier.document)
     written[document] = old_content, one.text.encode()
     written[RECORD] = earlier.read(RECORD), files[RECORD]
     for name, before in earlier.meshes.items():
@@ -124,7 +123,7 @@ def update(earlier: PreviousImport, document: str, files: Mapping[str, bytes], r
             written[name] = there, None
     return Update(
         changes={os.path.join(earlier.folder, name): change for name, change in written.items() if change[0] != change[1]}, merged=one,
-        kept=kept_files,
+        kept=tuple(name for name in earlier.edited_files() if name != earlier.document),
     )
 
 
@@ -148,10 +147,6 @@ def _say_conflicts(one: Merged, after: Text, report: Report) -> None:
     for path, ours, new in one.conflicts:
         message = f"`{format_path(path)}` is {ours} in the document and {new} in the source"
         report.add(Code.SOURCE_CONFLICT, message, span_at(after.tree, path), help="write the correct value in the document")
-
-
-def _repair(how: object) -> Repair | None:
-    return how if how == "nearest" or how == "shapes" else None
 
 
 def _inside(name: str) -> str:
