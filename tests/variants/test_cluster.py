@@ -26,7 +26,7 @@ from thingc.batch.cluster import dask_executor
 from thingc.batch.cluster.slurm import SlurmSettings, settings_of
 from variants.robots import batch_here, environment, tree, with_emitter, workspace
 from variants.test_batch import rows, without_run
-from variants.test_faults import assert_gone, assert_whole, descendants, journal, listed, started, table, wait_for_lines
+from variants.test_faults import assert_gone, assert_whole, descendants, journal, listed, started, wait_for_lines
 
 COUNT = 24
 
@@ -229,26 +229,6 @@ def test_loss_of_the_last_worker_is_reported_after_a_wait(monkeypatch: pytest.Mo
             time.sleep(0.1)
             fault = found.fault()
         assert fault is not None and "no worker for 1.5 s" in str(fault) and time.monotonic() - killed > 1.4
-
-
-@pytest.mark.slow
-def test_killed_workers_lose_no_variants(tmp_path: Path, shared_store: str, mortal: Dask) -> None:
-    here = workspace(tmp_path, faults=listed(dict.fromkeys(range(COUNT), "slow"), COUNT))
-    victim = mortal.with_workers(2).living()[0]
-    process = started(here, environment(shared_store, with_emitter(tmp_path)), "--cluster", mortal.address)
-    wait_for_lines(here, 4, process)
-    runners = descendants(victim.pid)
-    assert runners
-    victim.kill()
-    victim.wait()
-    assert_gone(runners)
-    wait_for_lines(here, 10, process)
-    mortal.add()
-    out, err = process.communicate(timeout=120)
-    assert process.returncode == 0 and out == "" and "24 variants: 24 built" in err, err
-    assert_whole(here, COUNT)
-    assert [row["status"] for row in table(here)] == ["built"] * COUNT
-    assert not [name for name in (here / "build/faults/variants").iterdir() if name.name.startswith(".")]
 
 
 @pytest.mark.slow

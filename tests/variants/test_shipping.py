@@ -38,7 +38,7 @@ from thingc.driver.environment import Options
 from variants.robots import InThisProcess, batch_here, environment, tree, with_emitter, workspace
 from variants.test_batch import rows, without_run
 from variants.test_cluster import Dask, dask
-from variants.test_faults import assert_whole, journal, listed, started, wait_for_lines
+from variants.test_faults import assert_gone, assert_whole, descendants, journal, listed, started, wait_for_lines
 from variants.test_transfer import packed
 
 AUDIT = '''
@@ -277,8 +277,11 @@ def test_killed_worker_loses_no_variants(apart: Apart, tmp_path: Path, shared_st
     local = built_here(here, env)
     process = started(here, env, "--cluster", apart.dask.address, "--ship", "--pictures", "none")
     wait_for_lines(here, 3, process)
+    runners = descendants(apart.dask.workers[0].pid)
     apart.dask.workers[0].kill()
     apart.dask.workers[0].wait()
+    assert runners
+    assert_gone(runners)
     apart.dask.add(apart.dask.places[0])  # in the same folder, where dask removes what the dead one has left
     out, err = process.communicate(timeout=120)
     assert process.returncode == 0 and out == "" and "14 variants: 14 built" in err, err
