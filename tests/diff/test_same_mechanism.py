@@ -14,7 +14,8 @@ ARM = """\
 <robot name="arm">
   <link name="base"><inertial><mass value="2"/><inertia ixx="0.01" iyy="0.02" izz="0.015" ixy="0" ixz="0" iyz="0"/></inertial></link>
   <link name="upper">{upper}<mass value="1"/><inertia ixx="0.001" iyy="0.002" izz="0.0025" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <link name="fore">{fore}<mass value="{mass}"/><inertia {inertia} ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="fore">{fore}<mass value="{mass}"/><inertia {inertia} ixy="0" ixz="0" iyz="0"/></inertial>
+    <visual>{shown}<geometry><box size="0.3 0.02 0.04"/></geometry></visual></link>
   <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
     <origin xyz="0 0 0.1" rpy="0 0 {turn}"/><axis xyz="0 0 1"/><limit lower="{low}" upper="{high}" effort="5" velocity="1"/></joint>
   <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/>
@@ -24,12 +25,12 @@ ARM = """\
 OLD = {
     "upper": '<inertial><origin xyz="0.1 0.02 0"/>', "fore": '<inertial><origin xyz="0.2 0.03 0.01"/>', "mass": "0.5",
     "inertia": 'ixx="0.001" iyy="0.003" izz="0.0035"', "turn": "0", "low": "-2", "high": "1", "tilt": "0 0 0", "axis": "0 1 0",
-    "limit": 'lower="-0.5" upper="1.5"',
+    "limit": 'lower="-0.5" upper="1.5"', "shown": '<origin xyz="0.15 0 0"/>',
 }
 NEW = OLD | {
     "fore": '<inertial><origin xyz="0.03 -0.2 0.01"/>', "inertia": 'ixx="0.003" iyy="0.001" izz="0.0035"', "turn": "-1.5707963267948966",
     "low": "-0.4292036732051034", "high": "2.5707963267948966", "tilt": "0 0 1.5707963267948966", "axis": "-1 0 0",
-    "limit": 'lower="-1.5" upper="0.5"',
+    "limit": 'lower="-1.5" upper="0.5"', "shown": '<origin xyz="0 -0.15 0" rpy="0 0 -1.5707963267948966"/>',
 }
 """The arm with the zero of the shoulder moved by 90 deg, the elbow reversed, and the frame of the forearm turned by 90 deg."""
 WORKING = {"mass": "0.6", "limit": 'lower="-1.7" upper="0.5"'}
@@ -82,6 +83,17 @@ def test_explained_changes_are_not_listed(tmp_path: Path, capsys: pytest.Capture
     assert f"- `the same mechanism; {SAID}`" in run_diff(tmp_path, OLD, NEW, capsys, "--format", "markdown")
 
 
+def test_shapes_that_moved_on_their_link_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = run_diff(tmp_path, OLD, NEW | {"shown": NEW["shown"].replace("-0.15", "-0.151")}, capsys, "--format", "json")
+    assert {what for what, _, _ in listed(text)} == {"bom"} and "same_mechanism" in json.loads(text)
+
+
+def test_no_mechanism_is_stated_if_it_explains_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = run_diff(tmp_path, OLD, OLD | {"mass": "0.6", "limit": 'lower="-0.5" upper="1.6"'}, capsys, "--format", "json")
+    assert "same_mechanism" not in json.loads(text) and "explained" not in json.loads(text)
+    assert {("joint", "elbow", "limit.upper"), ("component", "fore", "mass.value")} <= listed(text).keys()
+
+
 @pytest.mark.parametrize("change", [{"turn": "-1.57"}, {"tilt": "0 0.001 1.5707963267948966"}, {"axis": "-1 0 0.001"}])
 def test_other_axes_are_no_explanation(change: dict[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A shoulder with another zero is still the same mechanism, with limits that differ by 0.8 mrad. The other changes turn the axis."""
@@ -93,32 +105,42 @@ def test_other_axes_are_no_explanation(change: dict[str, str], tmp_path: Path, c
         assert len(edits) > 4 and "same_mechanism" not in json.loads(text)
 
 
-def test_frames_of_mounts_that_moved_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`eye` moves with the frame of the forearm, which is turned by 90 deg about z. `tip` does not."""
+@pytest.mark.parametrize(("change", "more"), [
+    ({}, set()), ({"LAMP": "xyz: 50 0 10 mm, rpy: 0 0 -90 deg"}, {("mate", "lamp", "xyz"), ("mate", "lamp", "rpy")}),
+    ({"SENSED": "base.pivot"}, {("mount", "base/pivot", "rpy")}),
+])
+def test_frames_that_moved_are_listed(
+    change: dict[str, str], more: set[tuple[str, str, str]], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    """`eye` moves with the frame of the forearm, which is turned by 90 deg about z, and `tip` does not. The mount of the joint on the base
+    is turned by 30 deg, which only affects a sensor on it. The lamp moves by 10 mm in one case."""
     body = "frame: true, mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 2e-3 kg*m^2, izz: 2.5e-3 kg*m^2}"
     document = """\
 thingc: assembly/1
 name: arm
 components:
-  base: {BODY, mounts: {pivot: {xyz: 0 0 100 mm}}}
+  base: {BODY, mounts: {pivot: {xyz: 0 0 100 mm, rpy: 0 0 PIVOT deg}}}
   fore: {BODY_OF_FORE, mounts: {hole: {rpy: 180 0 HOLE deg}, eye: {EYE}, tip: {xyz: 300 0 0 mm}}}
   lamp: {frame: true, at: {in: fore.origin, LAMP}}
 joints: {turn: {type: revolute, parent: base.pivot, child: fore.hole, limit: {lower: LOW, upper: HIGH}}}
-sensors: {imu: {type: imu, at: fore.eye}}
+sensors: {imu: {type: imu, at: SENSED}}
 poses: {home: {turn: HOME}}
 modes: {m: {root: base, pose: home}}
 """
-    old = {"HOLE": "0", "EYE": "xyz: 10 20 30 mm", "LAMP": "xyz: 0 50 0 mm", "LOW": "-90 deg", "HIGH": "45 deg", "HOME": "30 deg"}
-    new = {"HOLE": "0", "EYE": "xyz: 20 -10 30 mm, rpy: 0 0 -90 deg", "LAMP": "xyz: 50 0 0 mm, rpy: 0 0 -90 deg"}
+    old = {"PIVOT": "0", "SENSED": change.get("SENSED", "fore.eye"), "HOLE": "0"}
+    old |= {"EYE": "xyz: 10 20 30 mm", "LAMP": "xyz: 0 50 0 mm", "LOW": "-90 deg", "HIGH": "45 deg", "HOME": "30 deg"}
+    new = {"PIVOT": "-30", "EYE": "xyz: 20 -10 30 mm, rpy: 0 0 -90 deg", "LAMP": "xyz: 50 0 0 mm, rpy: 0 0 -90 deg"}
     turned = body.replace("ixx: 1e-3", "ixx: 2e-3").replace("iyy: 2e-3", "iyy: 1e-3")
     bodies = body + ", com: 10 20 0 mm", turned + ", com: 20 -10 0 mm"
-    sign = {"LOW": "-180 deg", "HIGH": "-45 deg", "HOME": "-60 deg"}
-    for name, values, fore in (("old", old, bodies[0]), ("new", old | new | sign, bodies[1])):
+    limits = {"LOW": "-150 deg", "HIGH": "-15 deg", "HOME": "-30 deg"}
+    for name, values, fore in (("old", old, bodies[0]), ("new", old | new | limits | change, bodies[1])):
         text = document.replace("BODY_OF_FORE", fore).replace("BODY", body)
         for key, value in values.items():
             text = text.replace(key, value)
         (tmp_path / f"{name}.yaml").write_text(text)
     assert main(["diff", str(tmp_path / "old.yaml"), str(tmp_path / "new.yaml"), "--format", "json"]) == 0
     out = capsys.readouterr().out
-    assert "zeros: turn" in json.loads(out)["same_mechanism"][str(tmp_path / "new.yaml")], out
-    assert {key for key, one in listed(out).items() if not one["because"]} == {("mount", "fore/tip", "xyz"), ("mount", "fore/tip", "rpy")}
+    assert "zeros: turn -60 deg" in json.loads(out)["same_mechanism"][str(tmp_path / "new.yaml")], out
+    assert {key for key, one in listed(out).items() if not one["because"]} == {
+        ("mount", "fore/tip", "xyz"), ("mount", "fore/tip", "rpy"), *more,
+    }

@@ -5,17 +5,18 @@ If both robots are the same mechanism, the remaining differences are those that 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from msgspec.structs import replace
 
 from thingc.base.inertia import MassProperties, named_moments, total
 from thingc.base.pose import NO_POSE, Pose, make_pose, rpy_of
+from thingc.base.primitives import Primitive
 from thingc.model.assembly.kinematics import forward_kinematics, neighbourhood
-from thingc.model.assembly.types import Assembly
+from thingc.model.assembly.types import Assembly, Listed
 from thingc.model.resolve.overrides import MOMENTS
-from thingc.tools.diff.name_mapping import NameMapping, largest
+from thingc.tools.diff.name_mapping import NameMapping, equal, largest
 from thingc.tools.diff.snapshot import Fact, Named, OccurrenceSnapshot, Snapshot, SnapshotElement, Value
 from thingc.tools.same.comparison import TOLERANCE, JointMatch
 
@@ -25,22 +26,23 @@ PLACEMENT = frozenset({"xyz", "rpy", "turn", "gap"})
 
 
 class Alignment:
-    """The conversion of a snapshot of `old`, which is the robot `assembly`, to the frames and the joint coordinates of `new`.
+    """The conversion of the snapshot `old` of the first of two `robots` to the frames and the joint coordinates of the other, `new`.
 
     Values that are then equal up to `TOLERANCE` are those of `new`. `joints` contains the same joint of the new robot for each old path.
     `links` contains the names of a link in both robots, and the pose of its old frame in its new frame.
     """
 
     def __init__(
-        self, old: Snapshot, new: Snapshot, assembly: Assembly, joints: Mapping[str, JointMatch], links: tuple[str, str, Pose],
+        self, old: Snapshot, new: Snapshot, robots: Sequence[Assembly], joints: Mapping[str, JointMatch], links: tuple[str, str, Pose],
     ) -> None:
         self.old, self.new, self.pairing = old, new, NameMapping(old, new)
         self.joints = {path: one for path, one in joints.items() if self.pairing.path("joint", path) == one.other}
         self.heads = [{link.name: link.frame for link in side.links} for side in (old, new)]
-        neighbours, q = neighbourhood(len(assembly.occurrences), assembly.mates), {k: -one.sign * one.zero for k, one in joints.items()}
-        placed = forward_kinematics(assembly.mates, neighbours, assembly.base, NO_POSE, q)
-        places = {one.path: placed[one.index] for one in assembly.occurrences}
+        mates, occurrences, q = robots[0].mates, robots[0].occurrences, {path: -one.sign * one.zero for path, one in joints.items()}
+        placed = forward_kinematics(mates, neighbourhood(len(occurrences), mates), robots[0].base, NO_POSE, q)
+        places = {one.path: placed[one.index] for one in occurrences}
         to_new = _place(new.occurrences[self.heads[1][links[1]]]) @ links[2] @ places[self.heads[0][links[0]]].inverse()
+        self.shapes = [{one.path: one.listed for one in robot.occurrences} for robot in robots]
         self.moves: dict[str, Pose] = {}
         """The pose of the old frame of a component in its new frame."""
         self.occurrences = {path: self._occurrence(one, to_new @ places[path]) for path, one in old.occurrences.items()}
@@ -54,6 +56,7 @@ class Alignment:
             self.old, things={key: self._thing(one, pairs[key]) if key in pairs else one for key, one in self.old.things.items()},
             occurrences=self.occurrences, whole=self._total(self.occurrences, NO_POSE),
             links=tuple(replace(one, properties=self._total(one.members, _place(self.occurrences[one.frame]))) for one in self.old.links),
+            rows=tuple(replace(one, definition=self.occurrences[one.members[0]].definition) for one in self.old.rows),
             nodes=tuple(one if one.place is None else replace(one, place=self.occurrences[one.path].place) for one in self.old.nodes),
         )
 
@@ -67,7 +70,10 @@ class Alignment:
         self.moves[one.path], seen, theirs = move, one.properties.seen_from(move), other.properties
         inertia = theirs.inertia if _equal(seen.inertia, theirs.inertia, largest(seen.inertia)) else seen.inertia
         centre = theirs.centre if _equal(seen.centre, theirs.centre) else seen.centre
-        return replace(one, place=other.place, properties=MassProperties(mass=seen.mass, centre=centre, inertia=inertia))
+        properties = MassProperties(mass=seen.mass, centre=centre, inertia=inertia)
+        ours, others = _shapes(self.shapes[0][one.path], move), _shapes(self.shapes[1][other.path], NO_POSE)
+        definition = other.definition if ours and _equal(ours, others) else one.definition
+        return replace(one, place=other.place, properties=properties, definition=definition)
 
     def _total(self, paths: Iterable[str], frame: Pose) -> MassProperties:
         """Return the mass properties of several components in a frame."""
@@ -119,6 +125,14 @@ def _place(one: OccurrenceSnapshot) -> Pose:
     return one.place or NO_POSE
 
 
+def _shapes(listed: Listed | None, move: Pose) -> Value:
+    """Return the shapes of a link as a value that can be compared, in a frame in which the link has the pose `move`."""
+    surfaces = () if listed is None else (*listed.drawn, *listed.touching, *listed.solids)
+    solids = (((one.solid.shape, one.solid.size), one.solid.pose) if isinstance(one.solid, Primitive) else (one.solid.sha256, one.pose)
+              for one in surfaces)
+    return tuple((solid, (move @ pose).translation, (move @ pose).rotation) for solid, pose in solids)
+
+
 def _shift(joint: JointMatch, value: Any) -> Value:
     """Convert a coordinate of the old joint to a coordinate of the new joint."""
     return None if value is None else joint.sign * value + joint.zero
@@ -135,9 +149,5 @@ def _names(things: Iterable[SnapshotElement]) -> Iterator[str]:
 
 def _equal(one: Value | Pose, other: Value | Pose, scale: float = 1.0) -> bool:
     """Return whether two values are equal up to the tolerance of `thingc same`."""
-    if isinstance(one, Pose) and isinstance(other, Pose):
-        one, other = (one.translation, one.rotation), (other.translation, other.rotation)
-    if isinstance(one, tuple) and isinstance(other, tuple):
-        return len(one) == len(other) and all(_equal(a, b, scale) for a, b in zip(one, other, strict=True))
-    numbers = isinstance(one, (int, float)) and isinstance(other, (int, float))
-    return abs(one - other) <= TOLERANCE * scale if numbers else one == other  # type: ignore[operator]
+    values = [(value.translation, value.rotation) if isinstance(value, Pose) else value for value in (one, other)]
+    return equal(values[0], values[1], scale, TOLERANCE)

@@ -213,7 +213,7 @@ def _without_explained(old: Subject, new: Subject, answer: Comparison, options: 
     known = [{link.name for link in side.snapshot.links} for side in (old, new)]
     links = next(link for link in matched if link[0] in known[0] and link[1] in known[1])  # others are between coordinates of a joint
     before, after = (side.snapshot_with_tests() if tests and options.code else side.snapshot for side in (old, new))
-    converted = Alignment(before, after, old.assembly, {joint.one: joint for joint in result.joints}, links).snapshot()
+    converted = Alignment(before, after, (old.assembly, new.assembly), {joint.one: joint for joint in result.joints}, links).snapshot()
     rest = compare(converted, after, *([SurfaceDistances(new.store).farthest] if options.code else []))
     if len(rest.changes) >= len(answer.changes):
         return replace(answer, mechanism=summary(result) if result.same and zeros_of(result) else "")

@@ -183,17 +183,17 @@ def _names(value: Value) -> bool:
     return isinstance(value, tuple) and bool(value) and all(isinstance(one, Named) for one in value)
 
 
-def equal(old: Value, new: Value, scale: float = 0.0) -> bool:
+def equal(old: Value, new: Value, scale: float = 0.0, tolerance: float = RELATIVE) -> bool:
     """Return whether two values are equal up to rounding errors.
 
-    For a tuple of numbers, the tolerance is relative to the largest number.
+    The tolerance is relative to the larger number, or to the largest number of a tuple.
     """
     if isinstance(old, tuple) and isinstance(new, tuple):
         scale = max(scale, *(largest(one) for one in (old, new)))
-        return len(old) == len(new) and all(equal(one, other, scale) for one, other in zip(old, new, strict=True))
+        return len(old) == len(new) and all(equal(one, other, scale, tolerance) for one, other in zip(old, new, strict=True))
     if not _is_number(old) or not _is_number(new):
         return old == new and type(old) is type(new)
-    return math.isclose(old, new, rel_tol=RELATIVE, abs_tol=RELATIVE * scale or NOTHING)
+    return math.isclose(old, new, rel_tol=tolerance, abs_tol=tolerance * scale or NOTHING)
 
 
 def largest(value: Value) -> float:
