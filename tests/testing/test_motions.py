@@ -320,6 +320,7 @@ def test_motion_file_passes_through_its_rows(rig: Workspace) -> None:
     ("20", "x", 3, 5, "expected a number in the column `shoulder`, found `x`"),
     ("20", "", 3, 4, "expected a number in the column `shoulder`, found an empty cell"),
     ("[deg]", "[mm]", 1, 6, "wrong unit of a column: expected an angle (such as 30 deg), found a length (`mm`)"),
+    ("0.4,20,0.1", "0,4,20,0,1", 3, 8, "expected 3 cells as in the header, found `0` in cell 4"),
     ("elbow", "shoulder", 1, 21, "the column `shoulder` occurs twice"),
     ("0.4,20,0.1\n1,45,0\n", "", 1, 1, "a motion needs at least two rows with numbers"),
 ])

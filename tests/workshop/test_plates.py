@@ -182,7 +182,8 @@ def objects(plate: bytes) -> tuple[dict[str, str], dict[str, dict[str, str]]]:
 
 def test_a_part_that_does_not_fit_is_an_error_with_its_size(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, said = build(tmp_path, capsys, bed='bed = ["0.2 m", "200 mm", "210 mm"]')
-    assert code == 1 and "error[TC754]" in said and "(40 x 240 x 10 mm) does not fit on the print bed (195 x 195 x 210 mm)" in said
+    assert code == 1 and "error[TC754]" in said
+    assert "(40 x 240 x 10 mm) does not fit on the print bed (200 x 200 x 210 mm, of which 2.5 mm at each edge stay free)" in said
     assert "robot.yaml:10:" in said and not (tmp_path / "out" / "robot").exists()
     assert build(tmp_path, capsys, bed='bed = ["250 mm", "210 mm", "59 mm"]')[0] == 1, "the wedge is 60 mm high"
 

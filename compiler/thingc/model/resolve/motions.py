@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from thingc.base.diagnostics import Code
 from thingc.base.numeric import inf, isfinite
+from thingc.base.one_line_repr import format_count
 from thingc.base.source import Path, Span
 from thingc.base.suggestions import Hint
 from thingc.base.units import ANGLE, LENGTH, TIME, Dimension, UnitError, check_dimension, parse_quantity, shorten
@@ -94,6 +95,10 @@ def _of_file(table: DocumentScope, rows: Sequence[Row], name: str, where: Span) 
     columns = _columns({name: joint for name, joint in joints.items() if joint is not None}, rows[0])
     values: list[list[float]] = [[] for _ in columns]
     for row in rows[1:]:
+        if len(row) > len(columns):
+            text, span = row[len(columns)]
+            found = f"expected {format_count(len(columns), 'cell')} as in the header, found `{shorten(text)}` in cell {len(columns) + 1}"
+            raise _WrongCell(found, span, "write numbers with decimal points, and separate only columns with commas")
         for number, (own, (column, factor)) in enumerate(zip(values, columns.items(), strict=True)):
             text, span = row[number] if number < len(row) else ("", row[-1][1])
             own.append(factor * _number(text, span, column))

@@ -314,18 +314,30 @@ def _report_gains(gains: Gains, joint: TreeJoint, robot: Robot, other_drives: Se
         notes.append(Note(message=f"{quote_names(other_drives, LISTED)} have the same drive"))
     dt = f"{1e3 * gains.dt:g} ms"
     notes.append(Note(message=f"mode `{robot.mode.name}`: joint inertia {gains.inertia:.2g} {weight}, time step {dt}"))
-    help = f"{remedy}, set `armature: {_round_up(needed)} {weight}`, or use a smaller `timestep`"
+    place = " under `dynamics` of the joint" if _has_transmission(joint) else ""
+    help = f"{remedy}, set `armature: {_round_up((joint.dynamics.armature or 0.0) + needed)} {weight}`{place}, or use a smaller `timestep`"
     report.warn(Code.CHATTER, fault, origin, path=joint.path, notes=notes, help=help, allow=True)
+
+
+def _has_transmission(joint: TreeJoint) -> bool:
+    return joint.actuator is not None and joint.actuator.transmission is not None
+
+
+def _reduce(key: str, value: float, limit: float, unit: str, joint: TreeJoint) -> str:
+    """Return a proposal to reduce a value at the joint. The document contains the gains of an actuator with a transmission on its side."""
+    if key != "stiffness" and _has_transmission(joint):
+        return f"reduce `{key}` of the actuator to at most {_round_down(100.0 * limit / value)} % of its value"
+    return f"reduce `{key}` to at most {_round_down(limit)} {unit}"
 
 
 def _explain_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
     """Describe the fault of a velocity gain that is too large.
 
-    Return a description of the fault, a remedy, and the armature [kg m^2 or kg] with which the fault would not occur.
+    Return a description of the fault, a remedy, and the additional armature [kg m^2 or kg] with which the fault would not occur.
     """
     rate = "N*m*s/rad" if joint.twist.turns else "N*s/m"
     effect = "makes the simulation of the joint unstable" if gains.too_stiff else "reverses the velocity of the joint in one step"
-    remedy = f"reduce `kv` to at most {_round_down(gains.max_kv / 2.0)} {rate}"
+    remedy = _reduce("kv", gains.kv, gains.max_kv / 2.0, rate, joint)
     if replace(gains, integrator="implicitfast").stable:
         remedy += ", use `integrator: implicitfast`"
     needed = max(2.0 * gains.dt * gains.kv, gains.dt**2 * gains.stiffness / 2.0 + gains.dt * gains.kv) - gains.inertia
@@ -335,7 +347,7 @@ def _explain_kv(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
 def _explain_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]:
     """Describe the fault of a position gain that is too large. If the joint has no position gain, its spring is too stiff.
 
-    Return a description of the fault, a remedy, and the armature with which the fault would not occur.
+    Return a description of the fault, a remedy, and the additional armature with which the fault would not occur.
     """
     unit, dt, spring = "N*m/rad" if joint.twist.turns else "N/m", gains.dt, joint.dynamics.stiffness or 0.0
     kp = gains.stiffness - spring
@@ -343,7 +355,7 @@ def _explain_stiffness(gains: Gains, joint: TreeJoint) -> tuple[str, str, float]
     effect = "makes the simulation of the joint unstable"
     effect = effect if gains.too_stiff else "makes the drive force oscillate"
     limit = min(gains.stiffest / 2.0, gains.inertia / dt**2 if gains.jumps else gains.stiffest) - spring_part
-    remedy = f"reduce `{key}` to at most {_round_down(limit)} {unit}"
+    remedy = _reduce(key, value, limit, unit, joint)
     if limit <= 0.0:
         remedy = "use `integrator: implicitfast`"
     needed = dt**2 * gains.stiffness / 2.0 - gains.stiffest * dt**2 / 4.0

@@ -135,7 +135,7 @@ def _must_rotate(vertices: NDArray[np.float64], label: str, first: Occurrence, b
     report.add(
         Code.PRINT_SIZE,
         f"`{label}` ({x - GAP:.6g} x {y - GAP:.6g} x {z:.6g} mm) does not fit on the print bed "
-        f"({bed_x - GAP:.6g} x {bed_y - GAP:.6g} x {bed_z:.6g} mm)", first.origin, path=first.path,
+        f"({bed_x:.6g} x {bed_y:.6g} x {bed_z:.6g} mm, of which {GAP / 2.0:g} mm at each edge stay free)", first.origin, path=first.path,
         help="correct `bed` in `thingc.toml`, or print the part in another direction: `print: {up: ...}`",
     )
     return None
