@@ -48,10 +48,10 @@ def asked(on_path: None, shared_store: str) -> dict[str, list[Any]]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "format"), [
-    ("mujoco", "URDF"), ("check_urdf", "URDF"), ("yourdfpy", "URDF"), ("pinocchio", "URDF"), ("usdchecker", "USD"), ("ours", "USD"),
+    ("mujoco", "URDF"), ("check_urdf", "URDF"), ("pinocchio", "URDF"), ("usdchecker", "USD"), ("ours", "USD"),
 ])
 def test_robots_are_equal_in_all_modes(asked: dict[str, list[Any]], name: str, format: str) -> None:
-    """`ours` evaluates the frames of UsdPhysics independently. Other readers of USD are tested only in `make conformance`."""
+    """`ours` evaluates the frames of UsdPhysics independently. Other readers are tested only in `make conformance`."""
     from study import READERS, Judged, judged
 
     verdict, some = Judged(floats=format == "USD"), asked[format]
