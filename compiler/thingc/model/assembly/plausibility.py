@@ -366,15 +366,18 @@ class _Offset(FrozenStruct):
 
 def _check_offsets(tree: Tree, largest: Occurrence, size: float) -> None:
     """Warn of offsets and joint travels that are large in comparison with `size` [m], the diagonal of the largest part."""
+    longest: dict[tuple[Origin, str], tuple[Instance, _Offset]] = {}  # items of a `repeat` have the same origin
     for instance, definition in tree.assemblies:
         for offset in _offsets(definition, FAR * size):
-            times = abs(offset.length) / size
-            if times > FAR:
-                tree.findings.warn(
-                    Code.FAR, f"{offset.text} ({length_words(offset.length)}) is {times_words(times)} times the size of the largest part "
-                    f"(`{largest.path}`)", offset.origin + instance.origin,
-                    path=instance.within(offset.path), notes=offset.notes, help=f"check the {offset.advice}",
-                )
+            key = (offset.origin + instance.origin, offset.text.partition("`")[0])
+            if abs(offset.length) > (abs(longest[key][1].length) if key in longest else FAR * size):
+                longest[key] = instance, offset
+    for (origin, _), (instance, offset) in longest.items():
+        tree.findings.warn(
+            Code.FAR, f"{offset.text} ({length_words(offset.length)}) is {times_words(abs(offset.length) / size)} times the size of the "
+            f"largest part (`{largest.path}`)", origin, path=instance.within(offset.path), notes=offset.notes,
+            help=f"check the {offset.advice}",
+        )
 
 
 def _offsets(definition: AssemblyDefinition, bound: float) -> Iterator[_Offset]:
