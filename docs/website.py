@@ -306,9 +306,12 @@ class _References(HTMLParser):
 def faults(site: Path) -> list[str]:
     """Return links of a built site without a target, and requests to other hosts, each as `page: target`."""
     read = {path: _References(path.read_text(encoding="utf-8")) for path in sorted(site.rglob("*.html")) if path.parent.name != "viewers"}
-    files, found = set(site.rglob("*")) | {site}, []
+    files, found, sound = set(site.rglob("*")) | {site}, [], set()  # pages of one folder have most links in common
     for path, references in read.items():
+        folder = str(path.parent)
         for tag, target in references.targets:
+            if (folder, target) in sound:
+                continue
             address = urlsplit(target)
             if address.scheme or address.netloc:
                 if tag != "a" and address.scheme != "data" or address.scheme not in ("https", "http", "data"):
@@ -317,6 +320,8 @@ def faults(site: Path) -> list[str]:
             there = Path(os.path.normpath(path.parent / unquote(address.path))) if address.path else path
             if there not in files or there in read and unquote(address.fragment) not in read[there].anchors:
                 found.append(f"{path.relative_to(site)}: {target}")
+            elif address.path:
+                sound.add((folder, target))
     asked = re.compile(r"@import[^;]*//|url\([\"']?(?:https?:)?//")
     styles = [path for path in sorted(site.rglob("*.css")) if asked.search(path.read_text(encoding="utf-8"))]
     return [*found, *(f"{path.relative_to(site)}: asks for what is elsewhere" for path in styles)]
