@@ -112,14 +112,17 @@ def test_external_packages_are_not_parsed(elsewhere: Elsewhere) -> None:
     assert elsewhere.facts() == 1  # that of `arm`
 
 
-def test_loaded_module_counts_by_its_source_and_uninstalled_module_by_its_file(elsewhere: Elsewhere) -> None:
+def test_loaded_module_counts_by_its_source(elsewhere: Elsewhere) -> None:
     sizes = elsewhere.company / "sizes.py"  # modelled with what had been compiled of it
     elsewhere.company.joinpath("module_500.py").write_text("value = 'of no part'\n")
     assert elsewhere.reason("shaped") == "first time"
     sizes.write_text("WIDTH = 40\n")
-    elsewhere.packages.joinpath("tables.py").write_text("WIDTH = 30\n")
     assert elsewhere.reason("shaped") == f"file {sizes} changed"
     assert elsewhere.reason("plain") == "first time"
+
+
+def test_uninstalled_module_counts_by_its_file(elsewhere: Elsewhere) -> None:
+    elsewhere.packages.joinpath("tables.py").write_text("WIDTH = 30\n")
     assert elsewhere.reason("loose").startswith("tables changed from file:")
 
 
