@@ -105,6 +105,8 @@ def test_all_zero_limits_are_unknown(elsewhere: str, tmp_path: Path) -> None:
     assert [one.where.line for one in robot.losses] == [4] and [one.span.line for one in report.diagnostics if one.span] == [4]
     robot, report = imported(hinge("", 'effort="0" velocity="3"'), tmp_path)
     assert robot.losses == () and report.diagnostics == [], "a joint that turns freely, but not too fast"
+    robot, _ = imported(hinge("", 'effort="2" velocity="1e9"'), tmp_path)
+    assert "limit: {lower: -1 rad, upper: 1 rad}\n" in robot.files["r.yaml"].decode(), "1e9 is written for an unlimited joint"
 
 
 @pytest.mark.parametrize(("encoding", "mark"), [

@@ -24,6 +24,7 @@ from thingc.base.pose import NO_POSE
 from thingc.base.source import line_of
 from thingc.base.suggestions import did_you_mean
 from thingc.geometry.worker.sandbox import OUTSIDE
+from thingc.targets.urdf.links import UNBOUNDED
 from thingc.tools.importing import source_model
 from thingc.tools.importing.tree import check_mimics, root_of
 from thingc.tools.importing.urdf_blocks import TAGS, Blocks
@@ -303,6 +304,7 @@ class _Urdf:
                 self.values.fault(element, None, f"a `{kind}` joint requires `<limit>`", help)
             return source_model.SourceLimits()
         effort, velocity = (self.values.from_zero(limit, key) if key in limit.attributes else None for key in ("effort", "velocity"))
+        velocity = None if velocity is not None and velocity >= UNBOUNDED else velocity  # written for joints without a limit
         lower, upper = self.values.number(limit, "lower", 0.0), self.values.number(limit, "upper", 0.0)
         if kind not in ("revolute", "prismatic"):
             if lower != upper:
