@@ -1,7 +1,8 @@
-"""The wheel and the sdist: their files and metadata, and reproducible builds. `make wheel` installs both."""
+"""The wheel and the sdist: their files and metadata, reproducible builds, and installations from both."""
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -12,10 +13,11 @@ from email.message import Message
 from email.parser import BytesParser
 from pathlib import Path
 
+import mujoco
 import pytest
 
 import thingc
-from package.installed import ROOT, build
+from package.installed import ROOT, build, install, run_module
 
 pytestmark = pytest.mark.slow
 
@@ -102,3 +104,28 @@ def test_links_in_the_description_are_absolute(metadata: Message) -> None:
     own = [match[2] for target in targets if (match := prefixes.match(target))]
     assert len(own) > 30 and all((ROOT / path.partition("#")[0]).exists() for path in own)
     assert {Path(path).suffix for path in own if "raw." in path or path.startswith("docs/pictures/")} <= {".png", ".svg"}
+
+
+def test_pip_builds_the_same_wheel_from_the_sdist(wheel: Path, sdist: Path, tmp_path: Path) -> None:
+    """Therefore, the next test also covers an installation from the sdist."""
+    run_module("pip", "wheel", "--no-deps", "--no-index", "--no-build-isolation", "--wheel-dir", str(tmp_path), str(sdist))
+    assert (tmp_path / wheel.name).read_bytes() == wheel.read_bytes()
+
+
+def test_installed_thingc_creates_and_builds_a_robot(wheel: Path, tmp_path: Path, shared_store: str) -> None:
+    installed = install(tmp_path / "venv", wheel, shared_store)
+    rover = tmp_path / "rover"
+    code = "import sys, thingc, thingc_stock; print(thingc.__file__, *thingc_stock.__path__, *sys.path, sep='\\n')"
+    places = installed.run(tmp_path, "python", "-P", "-c", code).splitlines()
+    assert all(Path(place).is_relative_to(tmp_path / "venv") for place in places[:2])
+    assert not any(Path(place).is_relative_to(ROOT / "compiler") or Path(place) == ROOT / "parts" for place in places)
+
+    assert installed.run(tmp_path, "thingc", "--version") == f"thingc {thingc.__version__}\n"
+    installed.run(tmp_path, "thingc", "new", "rover", "--template", "empty")
+    installed.run(rover, "thingc", "build", "--strict", "rover.yaml", "--emit", "mjcf,html,ros", "--jobs", "1")
+    model = mujoco.MjModel.from_xml_path(str(rover / "build/rover/mjcf/scene_standing.xml"))
+    assert model.nu == 1 and (rover / "build/rover/html/rover.html").stat().st_size > 500_000
+    assert "TC101" in installed.run(tmp_path, "thingc", "explain", "TC101")
+    code = "import json; from thingc.tools.schemas.general_schema import json_schema; print(json.dumps(json_schema('assembly')))"
+    committed = json.loads((ROOT / "schemas/assembly-1.json").read_text(encoding="utf-8"))
+    assert {**json.loads(installed.run(tmp_path, "python", "-c", code)), "$id": committed["$id"]} == committed

@@ -26,8 +26,8 @@ from thingc.model.solids.shapes import Solid, solid_of
 
 Array = NDArray[np.float64]
 
-EACH, COUNT = 25, 300
-"""Number of mechanisms per document, and of all mechanisms."""
+EACH = 25
+"""Number of mechanisms per document."""
 
 
 class Mechanism:
@@ -119,22 +119,22 @@ Mechanisms = list[tuple[Sweep, SolidPair, Mechanism]]
 
 
 @pytest.fixture(scope="module")
-def many(tmp_path_factory: pytest.TempPathFactory) -> Mechanisms:
+def thousand(tmp_path_factory: pytest.TempPathFactory) -> Mechanisms:
     source = np.random.default_rng(37)
     folder = tmp_path_factory.mktemp("mechanisms")
     (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
-    return [each for _ in range(COUNT // EACH) for each in sweeps(folder, [Mechanism(source) for _ in range(EACH)])]
+    return [each for _ in range(1000 // EACH) for each in sweeps(folder, [Mechanism(source) for _ in range(EACH)])]
 
 
 def fresh(pair: SolidPair, required: float) -> SolidPair:
     return replace(pair, clearance=required)
 
 
-def test_verdicts_for_random_mechanisms(many: Mechanisms) -> None:
+def test_verdicts_for_random_mechanisms(thousand: Mechanisms) -> None:
     """The ball touches, or the required clearance is barely met or barely missed. Facets of a cylinder deviate by at most 0.1 % of its
     radius."""
     source, counts = np.random.default_rng(38), {"clear": 0, "touches": 0, "undecided": 0}
-    for sweep, pair, mechanism in many:
+    for sweep, pair, mechanism in thousand:
         least, off = mechanism.least(), 2e-3 * mechanism.size.max() * (mechanism.shape == "cylinder") + 3e-5
         required = max(least, 0.0) * float(source.choice([0.0, 0.9, 1.1]))
         one = fresh(pair, required)
@@ -146,10 +146,10 @@ def test_verdicts_for_random_mechanisms(many: Mechanisms) -> None:
             assert one.verdict == "touches", (least, required)
         if least > required + off:
             assert one.verdict == "clear", (least, required)
-    assert counts["clear"] > 90 and counts["touches"] > 60 and counts["undecided"] < 15, counts
+    assert counts["clear"] > 300 and counts["touches"] > 200 and counts["undecided"] < 50, counts
 
 
-def test_wrong_speed_bound_gives_wrong_verdicts(many: Mechanisms, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_speed_bound_gives_wrong_verdicts(thousand: Mechanisms, monkeypatch: pytest.MonkeyPatch) -> None:
     """With half the speed bound, some touching pairs are reported as clear, so the other tests would detect such an error."""
     def halved(*arguments: Any) -> tuple[Array, Array]:
         gaps, paths = right(*arguments)
@@ -158,7 +158,7 @@ def test_wrong_speed_bound_gives_wrong_verdicts(many: Mechanisms, monkeypatch: p
     right = SolidPlace.bounds
     monkeypatch.setattr(SolidPlace, "bounds", halved)
     wrong = 0
-    for sweep, pair, mechanism in many:
+    for sweep, pair, mechanism in thousand[:300]:
         if (least := mechanism.least()) > 0.0:
             one = fresh(pair, 1.01 * least)
             prove(sweep, [one])
