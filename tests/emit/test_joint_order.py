@@ -55,6 +55,20 @@ def plain_document(seed: int) -> str:
     return "\n".join(lines) + "\n"
 
 
+BODY = "frame: true, mass: 1 kg, inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}"
+CARRIED = f"""\
+thingc: assembly/1
+name: carried
+components: {{a: {{{BODY}}}, b: {{{BODY}}}, c: {{{BODY}}}, ball: {{{BODY}}}}}
+joints:
+  two: {{type: continuous, parent: a.origin, child: b.origin}}
+  one: {{type: continuous, parent: a.origin, child: c.origin}}
+  grasp: {{type: free, parent: c.origin, child: ball.origin}}
+modes: {{arm: {{root: b, base: fixed}}, object: {{root: ball, base: free}}}}
+"""
+"""A robot with an object, which is the root of a mode: the articulation begins at the link of the robot that holds the object."""
+
+
 class Folder:
     """A build folder and the readers of its files."""
 
@@ -116,7 +130,7 @@ def built(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> dict[s
     """Builds of random trees, of every kind of joint, of nested documents with `names:`, and of a loop."""
     documents = {f"random_{seed}": {"robot.yaml": random_document(seed, balls=seed % 2 == 1)} for seed in SEEDS}
     documents |= {f"plain_{seed}": {"robot.yaml": plain_document(seed)} for seed in SEEDS}
-    documents |= {"every": {"robot.yaml": EVERY}, "fourbar": {"robot.yaml": FOURBAR}}
+    documents |= {"every": {"robot.yaml": EVERY}, "fourbar": {"robot.yaml": FOURBAR}, "carried": {"robot.yaml": CARRIED}}
     documents["pair"] = {"arm.yaml": ARM.replace("joints:\n", PULLEY + "joints:\n", 1), "robot.yaml": PAIR}
     return {name: Folder(tmp_path_factory.mktemp(name), shared_store, files) for name, files in documents.items()}
 

@@ -323,7 +323,7 @@ def test_unsupported_features_are_losses(written: dict[str, Written]) -> None:
     assert {"spindle", "sleeve", "fork", "hip", "rolling", "swinging"} == set(lost)
     assert lost["hip"] == "the configuration of the ball joint: not supported by Isaac Lab"
     assert {path for path, _ in written["every"].losses("mjlab")} == {"hip"}
-    assert {path for path, _ in written["pair"].losses("mjlab")} == {"bow string"}
+    assert {path for path, _ in written["pair"].losses("mjlab")} == {"bow string", "left/elbow motor"}
 
 
 def test_imperfect_drives_are_losses_except_for_delays_in_mjlab(tmp_path: Path, shared_store: str, stand_ins: None) -> None:
@@ -336,6 +336,14 @@ def test_imperfect_drives_are_losses_except_for_delays_in_mjlab(tmp_path: Path, 
     others = {("hip_l", f"{what} of the drive") for what in ("the torque-speed line", "the deadband", "the noise")}
     assert {one for one in robot.losses("mjlab") if one[0] == "hip_l"} == others
     assert {one for one in robot.losses("isaaclab") if one[0] == "hip_l"} == {*others, ("hip_l", "the delay of the drive")}
+
+
+def test_raw_attributes_that_mjlab_replaces_are_losses(tmp_path: Path, shared_store: str) -> None:
+    raw = "actuator: {hip_r: {gear: 3}}, joint: {hip_l: {armature: 0.4, frictionloss: 0.7, solreflimit: 0.01 1}}"
+    robot = Written(tmp_path, shared_store, {"robot.yaml": f"{DOG}raw: {{mjcf: {{{raw}}}}}\n"})
+    lost = {path: what for path, what in robot.losses("mjlab") if what.startswith("the raw attribute")}
+    assert {*lost} == {"hip_l", "right motor"} and lost["right motor"].startswith("the raw attribute `gear`:")
+    assert sum(path == "hip_l" for path, _ in robot.losses("mjlab")) == 2 and not robot.losses("isaaclab")
 
 
 def test_names_in_mjlab_are_those_of_pymjcf(tmp_path: Path, shared_store: str, written: dict[str, Written]) -> None:

@@ -306,12 +306,10 @@ def test_joint_of_a_nested_document(here: Path, capsys: pytest.CaptureFixture[st
     assert_moved(old, models(here / "walker.yaml"), {f"{leg}/knee": (-1, 30 * DEG) for leg in ("left", "right")})
     text = (here / "walker.yaml").read_text()
     assert "{left: bent, right.knee:" in text and "on: {'*': bent}" in text and "start: {left.knee: 30 deg, right.knee: 30 deg}" in text
-    (here / "sizes.yaml").write_text(
-        "thingc: variants/1\nassembly: walker.yaml\nname: sizes\n"
-        "parameters: {components.left.joints.knee.dynamics.damping: [0, 1 N*m*s/rad]}\n"
-    )
-    assert main(["rezero", "leg.yaml", "knee=30 deg"]) == 2
-    assert "`sizes.yaml` may set values of the changed joints" in capsys.readouterr().out
+    for value in ("components.left.joints.knee.dynamics.damping: [0, 1 N*m*s/rad]", "poses.up.right.knee: [0.5 rad, 0.6 rad]"):
+        (here / "sizes.yaml").write_text(f"thingc: variants/1\nassembly: walker.yaml\nname: sizes\nparameters: {{{value}}}\n")
+        assert main(["rezero", "leg.yaml", "knee=30 deg"]) == 2
+        assert "`sizes.yaml` may set values of the changed joints" in capsys.readouterr().out
 
 
 def test_moving_back_restores_the_values(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -436,7 +434,7 @@ def test_error_caused_by_new_limits_is_shown(here: Path, capsys: pytest.CaptureF
     assert "error in `walker.yaml`: " in out and "nothing" in out and (here / "leg.yaml").read_text() == leg
 
 
-def test_actuators_keep_their_direction_if_a_joint_is_reversed(tmp_path: Path) -> None:
+def test_actuators_keep_their_direction_if_a_joint_is_reversed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The ratio of the transmission, or the column of the differential, changes its sign."""
     motor = "{kind: motor}"
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
@@ -456,3 +454,25 @@ transmissions:
     assert main(["rezero", str(tmp_path / "geared.yaml"), "--flip", "one", "--flip", "three"]) == 0
     text = (tmp_path / "geared.yaml").read_text()
     assert "ratio: =-(teeth / 10)" in text and "matrix: [[1, -2], [3, 4]]" in text
+    values = "name: sizes\nassembly: geared.yaml\nparameters: {transmissions.belt.ratio: [3, 4]}\n"
+    (tmp_path / "sizes.yaml").write_text(f"thingc: variants/1\n{values}")
+    assert main(["rezero", str(tmp_path / "geared.yaml"), "--flip", "one"]) == 2
+    assert "may set values of the changed joints" in capsys.readouterr().out
+    assert main(["rezero", str(tmp_path / "geared.yaml"), "one=3 deg"]) == 0  # the ratio stays
+
+
+def test_repeated_transmission_of_a_reversed_joint_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The copies have one matrix, so the copy of one joint cannot change."""
+    motor, path = "{kind: motor}", tmp_path / "geared.yaml"
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    path.write_text(f"""\
+thingc: assembly/1
+name: geared
+components: {{a: {{{BODY}}}, b: {{{BODY}}}, c: {{{BODY}}}}}
+joints: {{k_0: {{type: continuous, parent: a.origin, child: b.origin}}, two: {{type: continuous, parent: b.origin, child: c.origin}}}}
+transmissions:
+  both: {{repeat: {{count: 1}}, differential: {{actuators: [{motor}, {motor}], joints: [k_$i, two], matrix: [[1, 2], [3, -4]]}}}}
+""")
+    assert main(["rezero", str(path), "--flip", "k_0"]) == 2
+    assert "the transmission of joint `k_$i` is repeated" in capsys.readouterr().out
+    assert main(["rezero", str(path), "--flip", "two"]) == 0 and "matrix: [[1, -2], [3, 4]]" in path.read_text()

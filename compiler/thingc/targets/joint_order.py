@@ -135,7 +135,7 @@ def _isaac(robot: Robot) -> list[tuple[str, str | None]] | None:
                 parent = step.path
             children.setdefault(parent, []).append((last, connection.child))
     order: list[tuple[str, str | None]] = []
-    links: list[int | str] = [0]
+    links: list[int | str] = [*sorted(link for link in children if isinstance(link, int))[:1]]  # a free object has no joints
     for link in links:
         for joint, child in children.get(link, ()):
             links.append(child)

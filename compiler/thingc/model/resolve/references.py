@@ -19,7 +19,7 @@ ORIGIN = "origin"
 """Name of the mount that every component has, whose frame is the frame of the component."""
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
-_INDEX = re.compile(r"\$(?:\{([A-Za-z][A-Za-z0-9_]*)\}|([A-Za-z][A-Za-z0-9_]*))", re.ASCII)
+INDEX = re.compile(r"\$(?:\{([A-Za-z][A-Za-z0-9_]*)\}|([A-Za-z][A-Za-z0-9_]*))", re.ASCII)
 GLOB = re.compile(r"[*?\[]")
 """Regular expression of a character that occurs only in patterns."""
 
@@ -47,7 +47,7 @@ def replace_index(scope: Scope, text: str, path: Path, *, key: bool = False) -> 
         unknown.append(match.group())
         return ""
 
-    filled = _INDEX.sub(fill, text)
+    filled = INDEX.sub(fill, text)
     if not unknown:
         return filled
     notes: list[Note] = []

@@ -12,7 +12,9 @@ from thingc.model.robot.types import Robot
 from thingc.targets import Artifacts, EmitRequest, Loss
 from thingc.targets.mjcf.compat.pymjcf import SEPARATOR
 from thingc.targets.mjcf.drives import delay_steps, time_step
+from thingc.targets.mjcf.emit import model_trees
 from thingc.targets.mjcf.lowering import mujoco_joints
+from thingc.targets.xml_writer import Element
 from thingc.tools.learners.driven_joints import DrivenJoint, by_pattern, driven_joints, losses, moving, start
 from thingc.tools.learners.python_text import PythonCall, PythonExpression, assignment, constant, file_name, import_line, module
 
@@ -50,9 +52,9 @@ def get_spec() -> mujoco.MjSpec:
 
 def emit(request: EmitRequest) -> Artifacts:
     """Write a module for each chosen mode."""
-    robots = request.robots
-    lost = (loss for robot in robots for loss in (*losses(robot, "mjlab", "mjlab", MOTIONS, delays=True), *_lost_sensors(robot)))
-    return Artifacts(files={f"mjlab/{file_name(robot)}.py": _module(robot) for robot in robots}, losses=tuple(dict.fromkeys(lost)))
+    robots = [*zip(request.robots, model_trees(request), strict=True)]
+    lost = (loss for robot, root in robots for loss in (*losses(robot, "mjlab", "mjlab", MOTIONS, delays=True), *_lost_values(robot, root)))
+    return Artifacts(files={f"mjlab/{file_name(robot)}.py": _module(robot) for robot, _ in robots}, losses=tuple(dict.fromkeys(lost)))
 
 
 def mjlab_name(path: str) -> str:
@@ -60,12 +62,20 @@ def mjlab_name(path: str) -> str:
     return path.replace("/", SEPARATOR)
 
 
-def _lost_sensors(robot: Robot) -> Iterator[Loss]:
-    """Yield an export loss for each sensor of a drive, if mjlab attaches the model to a body that places its base."""
+def _lost_values(robot: Robot, root: Element) -> Iterator[Loss]:
+    """Yield an export loss for each raw attribute of a drive or a driven joint in the model `root` that the configuration replaces. Also
+    yield a loss for each sensor of a drive, if mjlab attaches the model to a body that places its base.
+    """
+    drives = driven_joints(robot, lambda joint: mjlab_name(joint.path), MOTIONS)
+    names = {("joint", one.name) for one in drives} | {(one.drive.kind, mjlab_name(one.drive.name or one.joint.path)) for one in drives}
+    for element in (*root.find_or_empty("worldbody").walk(), *root.find_or_empty("actuator").children):
+        name = element.get("name")
+        for key, raw in element.raw.items() if (element.tag, mjlab_name(name)) in names else ():
+            if element.tag != "joint" or key in ("armature", "frictionloss"):
+                yield Loss("mjlab", None, name, f"the raw attribute `{key}`: mjlab adds the drive later", "omitted", raw.attribute.origin)
     for sensor in robot.assembly.sensors:
         if sensor.kind == "drive" and sensor.joint in robot.present and robot.base not in ("free", "held"):
-            what = "the sensor: mjlab adds the drive later"
-            yield Loss("mjlab", robot.mode.name, sensor.path, what, "omitted", sensor.origin)
+            yield Loss("mjlab", robot.mode.name, sensor.path, "the sensor: mjlab adds the drive later", "omitted", sensor.origin)
 
 
 def _module(robot: Robot) -> bytes:
@@ -108,14 +118,11 @@ def _actuators(drives: list[DrivenJoint], step: float) -> Iterator[PythonCall]:
     groups: dict[tuple[str, tuple[tuple[str, object], ...]], list[str]] = {}
     for one in drives:
         kp, kv, dynamics = one.drive.kp, one.drive.kv, one.joint.dynamics
-        own: dict[str, object] = {"effort_limit": one.effort}
-        match one.drive.kind:  # MuJoCo's default is 1 for the gain by which the control is multiplied, and 0 for the other gain
-            case "position":
-                own = {"stiffness": 1.0 if kp is None else kp, "damping": kv or 0.0, **own}
-            case "velocity":
-                own = {"damping": 1.0 if kv is None else kv, **own}
-            case "motor":
-                own = {"effort_limit": PythonExpression(UNLIMITED) if one.effort is None else one.effort}
+        gains: dict[str, dict[str, object]] = {  # MuJoCo's default is 1 for the gain of the control, and 0 for the other gain
+            "position": {"stiffness": 1.0 if kp is None else kp, "damping": kv or 0.0}, "velocity": {"damping": 1.0 if kv is None else kv},
+        }
+        unlimited = PythonExpression(UNLIMITED) if one.drive.kind == "motor" else None
+        own = {**gains.get(one.drive.kind, {}), "effort_limit": unlimited if one.effort is None else one.effort}
         own |= {"armature": dynamics.armature or 0.0, "frictionloss": dynamics.friction or 0.0}
         if one.drive.delay:
             own |= dict.fromkeys(("delay_min_lag", "delay_max_lag"), delay_steps(one.drive.delay, step))

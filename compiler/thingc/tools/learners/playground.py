@@ -17,7 +17,7 @@ def emit(request: EmitRequest) -> Artifacts:
 
 def _module(robot: Robot, tree: Element) -> bytes:
     mode = robot.mode.name
-    world = _section(tree, "worldbody")
+    world = tree.find_or_empty("worldbody")
     paths = {
         "ROOT_PATH": 'Path(__file__).resolve().parents[1] / "mjcf"', "ROBOT_XML": f'ROOT_PATH / "{robot.assembly.name}_{mode}.xml"',
         "SCENE_XML": f'ROOT_PATH / "scene_{mode}.xml"',
@@ -25,8 +25,8 @@ def _module(robot: Robot, tree: Element) -> bytes:
     feet = {foot.mount.path for foot in robot.mode.feet}
     sites = _names(world, "site")
     names = {
-        "JOINT_NAMES": _names(world, "joint"), "ACTUATOR_NAMES": [one.get("name") for one in _section(tree, "actuator").children],
-        "SENSOR_NAMES": [one.get("name") for one in _section(tree, "sensor").children], "SITE_NAMES": sites,
+        "JOINT_NAMES": _names(world, "joint"), "ACTUATOR_NAMES": [one.get("name") for one in tree.find_or_empty("actuator").children],
+        "SENSOR_NAMES": [one.get("name") for one in tree.find_or_empty("sensor").children], "SITE_NAMES": sites,
         "FEET_SITES": [site for site in sites if site in feet],
     }
     body = next(one for one in world.children if one.tag == "body")
@@ -34,14 +34,10 @@ def _module(robot: Robot, tree: Element) -> bytes:
         "\n".join(assignment(name, PythonExpression(path)) for name, path in paths.items()), assignment("ROOT_BODY", body.get("name")),
         *(assignment(name, values) for name, values in names.items()),
     ]
-    for key in _section(tree, "keyframe").children[:1]:
-        blocks.append(assignment("HOME_KEYFRAME", key.get("name")))
-        blocks += [assignment(f"HOME_{name.upper()}", [float(number) for number in key.get(name).split()]) for name in ("qpos", "ctrl")]
+    for key in tree.find_or_empty("keyframe").children[:1]:
+        arrays = {f"HOME_{name.upper()}": [float(number) for number in key.get(name).split()] for name in ("qpos", "ctrl")}
+        blocks += [assignment("HOME_KEYFRAME", key.get("name")), *(assignment(name, array) for name, array in arrays.items())]
     return module(robot, "MuJoCo Playground", ["from pathlib import Path"], blocks)
-
-
-def _section(tree: Element, tag: str) -> Element:
-    return tree.find(tag) or Element(tag=tag)
 
 
 def _names(world: Element, tag: str) -> list[str]:

@@ -10,6 +10,8 @@ import math
 import os
 import random
 from collections.abc import Iterator, Mapping, Sequence
+from fnmatch import fnmatchcase
+from pathlib import Path
 
 from msgspec.structs import replace
 
@@ -55,14 +57,12 @@ def rezero(
     if first.documents is None or report.failed:
         return EditResult(found=tuple(report.sorted_diagnostics()))
     root, edits, calibrated = first.documents.root, dict[str, dict[Keys, str]](), [one for one in read if one is not None]
-    unchanged: list[Diagnostic] = []
     try:
         old = {root.path: first}
-        for user in _documents_with(root, shifts):
-            if user.kind != "calibration":
-                old[user.path] = _sound(user.path, options)
-            elif user.path not in [one.document.path for one in calibrated]:
-                unchanged.append(_warn_unchanged(user))
+        users = [*_documents_with(root, shifts)]
+        old |= {user.path: _sound(user.path, options) for user in users if user.kind == "assembly"}
+        given = {one.document.path for one in calibrated}
+        unchanged = [_warn_unchanged(user) for user in users if user.kind == "calibration" and user.path not in given]
         originals = documents = {path: one.documents.root for path, one in old.items() if one.documents is not None}
         for shift in shifts:
             moved = {path: _moved_joints(documents[root.path], compilation, shift) for path, compilation in old.items()}
@@ -74,6 +74,7 @@ def rezero(
             for path in old:
                 _compare(documents[path], old[path], new[path], shift, [joint.path for joint in moved[path]])
             old = new
+        _check_variants(users, shifts, edits)
         for one in calibrated:
             originals |= {one.document.path: one.document}
             edits[one.document.path] = dict(calibration_edits(one.joints, shifts))
@@ -94,8 +95,7 @@ def rezero(
 
 def _warn_unchanged(calibration: Document) -> Diagnostic:
     message = f"the calibration `{calibration.relative}` of the same joints was not changed"
-    help = f"use `--calibration {shown_path(calibration.path)}`, or edit the file by hand"
-    span = calibration.span(("joints",), key=True)
+    help, span = f"use `--calibration {shown_path(calibration.path)}`, or edit the file by hand", calibration.span(("joints",), key=True)
     return Diagnostic(code=Code.COMMAND_LINE, severity=Severity.WARNING, message=message, help=help, span=span)
 
 
@@ -120,10 +120,8 @@ def _sound(document: str, options: Options) -> Compilation:
 
 
 def _documents_with(root: Document, shifts: Sequence[JointShift]) -> Iterator[Document]:
-    """Yield the assemblies of the workspace that use the document `root`, and the calibrations that contain a joint of its name, also in
-    a nested document.
-
-    Raises `ShiftRefused` for a variants document that sets values of the joints, and for a file that names the document but cannot be read.
+    """Yield the assemblies of the workspace that use the document `root`, the variants documents, and the calibrations that contain a joint
+    of its name, also in a nested document. Raises `ShiftRefused` for a file that names the document but cannot be read.
     """
     workspace = Workspace.find(root.path, Report())
     if workspace is None:
@@ -137,21 +135,27 @@ def _documents_with(root: Document, shifts: Sequence[JointShift]) -> Iterator[Do
             continue
         names = {name.rpartition(".")[2] for name in entries_of(node_at(documents.root.tree, ("joints",)))}  # also `left.knee`
         of_joints = any(shift.joint in names for shift in shifts)
-        if documents.root.kind == "calibration" and of_joints or any(one.path == root.path for one in documents.by_path.values()):
+        of_kind = {"variants": True, "calibration": of_joints}.get(documents.root.kind, False)
+        if of_kind or any(one.path == root.path for one in documents.by_path.values()):
             yield documents.root
-        if documents.root.kind == "variants":
-            for keys, node in walk(documents.root.tree):
-                if any(f"joints.{shift.joint}." in str(keys[-1:]) for shift in shifts):
-                    message = f"`{documents.root.relative}` may set values of the changed joints"
-                    raise ShiftRefused(message, "edit both documents by hand", span=node.span)
+
+
+def _check_variants(users: Sequence[Document], shifts: Sequence[JointShift], edits: Mapping[str, Mapping[Keys, str]]) -> None:
+    """Raise `ShiftRefused` for variants of the edited documents that set a coordinate of the joints, or a value that has changed."""
+    names, changed = {os.path.basename(path) for path in edits}, tuple("." + ".".join(keys) for own in edits.values() for keys in own)
+    for user in (one for one in users if one.kind == "variants" and any(name in one.text for name in names)):
+        for keys, node in walk(user.tree):
+            parts = str(keys[-1]).split(".") if keys else []
+            named = [part for section in ("joints", "poses") if section in parts for part in parts[parts.index(section) + 1 :]]
+            if f".{'.'.join(parts)}".endswith(changed) or any(fnmatchcase(shift.joint, part) for shift in shifts for part in named):
+                raise ShiftRefused(f"`{user.relative}` may set values of the changed joints", "edit both documents by hand", span=node.span)
 
 
 def _check_unrelated(path: str, root: Document, report: Report) -> None:
     """Raise `ShiftRefused` if a file that cannot be read contains the name of the document, which it may use."""
     error = report.sorted_diagnostics()[0]
     try:
-        with open(path, "rb") as file:
-            uses = os.path.basename(root.path).encode() in file.read()
+        uses = os.path.basename(root.path).encode() in Path(path).read_bytes()
     except OSError:
         uses = False
     if uses:
@@ -174,8 +178,7 @@ def _edits(document: Document, compilation: Compilation, shift: JointShift, move
     if not moved:
         return {}
     independent = [one.name for one in joints_of(assembly) if one.mimic is None and not one.kind.at_once]
-    names = [str(one.name) for one in moved]
-    return dict(ShiftEdits(document, model, shift, names, moved[0].twist.coordinate, independent).edits(joint))
+    return dict(ShiftEdits(document, model, shift, [str(one.name) for one in moved], moved[0].twist.coordinate, independent).edits(joint))
 
 
 def _compare(document: Document, old: Compilation, new: Compilation, shift: JointShift, moved: Sequence[str]) -> None:
@@ -204,8 +207,5 @@ def _states(one: Robot, other: Robot, shift: JointShift, moved: Sequence[str]) -
 
 def _largest_difference(one: Sequence[Pose], other: Sequence[Pose]) -> float:
     """Return the largest difference of a coordinate [m] or of an entry of a rotation matrix."""
-    return max(abs(x - y) for a, b in zip(one, other, strict=True) for x, y in zip(_numbers(a), _numbers(b), strict=True))
-
-
-def _numbers(pose: Pose) -> tuple[float, ...]:
-    return (*pose.translation, *sum(pose.rotation, ()))
+    numbers = ([x for pose in poses for x in (*pose.translation, *sum(pose.rotation, ()))] for poses in (one, other))
+    return float(max(abs(x - y) for x, y in zip(*numbers, strict=True)))

@@ -16,7 +16,7 @@ from thingc.base.suggestions import did_you_mean
 from thingc.base.units import Dimension, UnitError
 from thingc.documents.format.value_edits import Keys
 from thingc.model.assembly.modes import unused_pose_name
-from thingc.model.resolve.references import GLOB
+from thingc.model.resolve.references import GLOB, INDEX
 from thingc.model.resolve.types import AssemblyDefinition, Joint
 from thingc.tools.calibration.calibration import CalibratedJoint
 from thingc.tools.rezero.quantity_text import ExactQuantity, read_quantity
@@ -58,10 +58,9 @@ def find_joint(document: Document, model: AssemblyDefinition, shift: JointShift)
         raise ShiftRefused(f"joint `{name}` is repeated or has several coordinates", "edit the values of the joint by hand", span=span)
     if joint.twist is None:
         raise ShiftRefused(f"joint `{name}` does not move ({joint.kind.words})", "choose a joint that moves", span=span)
-    expected = joint.twist.coordinate
-    if shift.zero.value and shift.zero.dimension != expected:
-        help = f"write, for example, `{name}={expected.example}`"
-        raise ShiftRefused(f"the zero of joint `{name}` must be {expected.words}", help, span=span)
+    unit = joint.twist.coordinate
+    if shift.zero.value and shift.zero.dimension != unit:
+        raise ShiftRefused(f"the zero of joint `{name}` must be {unit.words}", f"write, for example, `{name}={unit.example}`", span=span)
     return joint
 
 
@@ -201,15 +200,22 @@ class ShiftEdits:
         """Yield the new ratios of transmissions of a reversed joint, so that the actuators turn in the same directions as before."""
         for name in entries_of(node_at(self.document.tree, ("transmissions",))) if self.shift.sign < 0 else ():
             path: Keys = ("transmissions", name)
-            ratios: list[Keys] = [(*path, "ratio")] if text_of(node_at(self.document.tree, (*path, "joint"))) in self.names else []
+            ratios: list[Keys] = [(*path, "ratio")] if self._drives((*path, "joint")) else []
             joints = node_at(self.document.tree, (*path, "differential", "joints"))
-            for k, joint in enumerate(joints.items if isinstance(joints, SequenceNode) else ()):
-                if text_of(joint) in self.names and isinstance(joints, SequenceNode):
-                    ratios += [(*path, "differential", "matrix", str(row), str(k)) for row in range(len(joints.items))]
+            numbers = range(len(joints.items) if isinstance(joints, SequenceNode) else 0)
+            columns = [str(k) for k in numbers if self._drives((*path, "differential", "joints", k))]
+            ratios += [(*path, "differential", "matrix", str(row), k) for k in columns for row in numbers]
             for keys in ratios:
                 old = self._at(keys)
                 new = replace(old, expression=f"-({old.expression})") if old.expression else replace(old, value=-old.value)
                 yield keys, new.text(old.dimension)
+
+    def _drives(self, path: Path) -> bool:
+        """Return whether a transmission drives the joint. Raises `ShiftRefused` if copies of a repeated transmission may have one ratio."""
+        text = text_of(node_at(self.document.tree, path))
+        if "$" in text and any(fnmatchcase(name, INDEX.sub("*", text)) for name in self.names):
+            raise ShiftRefused(f"the transmission of joint `{text}` is repeated", "write it without `$`", span=self.document.span(path))
+        return text in self.names
 
     def _tendons_over(self) -> Iterator[tuple[str, list[str]]]:
         """Yield the names of tendons over the joint, each with the names of the joint in the tendon."""
