@@ -292,7 +292,7 @@ raw:
   mjcf:
     order: {sensor: ["g:gyro", last]}
     add:
-      actuator: [{general: {name: extra, joint: j}}]
+      actuator: [{general: {name: extra, joint: j}}, {motor: {name: inside, jointinparent: j}}]
       sensor: [{user: {name: own, dim: 5}}, {jointpos: {name: last, joint: j}}]
 """
 
@@ -301,8 +301,8 @@ def test_raw_elements_are_included(tmp_path: Path, shared_store: str) -> None:
     """Actuators and sensors from `raw` are listed in the model's order. A size or address that is unknown is null."""
     folder = Folder(tmp_path, shared_store, {"robot.yaml": RAW})
     model, order = folder.mujoco("m"), folder.modes["m"]
-    assert order["actuators"]["mujoco"] == [model.actuator(k).name for k in range(model.nu)] == ["j", "extra"]
-    assert order["actuators"]["joints"] == [0, 0]
+    assert order["actuators"]["mujoco"] == [model.actuator(k).name for k in range(model.nu)] == ["j", "extra", "inside"]
+    assert order["actuators"]["joints"] == model.actuator_trnid[:, 0].tolist() == [0, 0, 0]
     names = [model.sensor(k).name for k in range(model.nsensor)]
     assert order["sensors"]["mujoco"] == names and len(names) == 4
     for name, address, size in zip(names, order["sensors"]["addresses"], order["sensors"]["sizes"], strict=True):

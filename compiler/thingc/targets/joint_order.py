@@ -174,7 +174,7 @@ def _actuators(root: Element, joints: Sequence[Element], orders: Mapping[str, Or
     """
     actuators = root.find_or_empty("actuator").children
     index_of = {element.get("name"): index for index, element in enumerate(joints) if element.get("type") != "ball"}
-    moved_joints = [index_of.get(element.get("joint")) if "joint" in element.attributes else None for element in actuators]
+    moved_joints = [index_of.get(element.get("joint", element.get("jointinparent"))) for element in actuators]
     joint_of = dict(zip((name for name, _ in orders["urdf"]), _indices(orders["mujoco"], orders["urdf"]), strict=True))
     first: dict[int | None, int] = {joint: index for index, joint in reversed([*enumerate(moved_joints)]) if joint is not None}
     return {
