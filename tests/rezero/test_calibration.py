@@ -119,6 +119,12 @@ def test_a_resolution_can_be_an_expression(here: Path) -> None:
     assert read["JOINTS"]["lift"]["ticks_per_unit"] == pytest.approx(4096 * 50 / (2 * math.pi))
 
 
+def test_joint_without_limits_has_no_range_if_its_encoder_counts_turns(here: Path) -> None:
+    read: dict[str, Any] = {}
+    exec(emitted(here, "python", GOOD.replace("offset: 12, ticks_per_turn: 4096", "offset: 12, resolution: 0.1 deg")), read)
+    assert read["JOINTS"]["wheel"]["range"] is None and read["JOINTS"]["pan"]["range"] == (735, 3124)
+
+
 def test_no_input_is_overwritten(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (here / "left.calibration.yaml").write_text(GOOD)
     for name, text in (("arm.yaml", ROBOT), ("left.calibration.yaml", GOOD)):

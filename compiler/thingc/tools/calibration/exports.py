@@ -26,7 +26,7 @@ def lerobot(calibration: Joints, robot: Robot) -> str:
 
     `homing_offset` makes the middle of the range the middle of the encoder: the motor reports the encoder value minus `homing_offset`.
     """
-    return _json({safe(one.joint.path): _homing_values(one) for one in calibration})
+    return json.dumps({safe(one.joint.path): _homing_values(one) for one in calibration}, indent=4) + "\n"
 
 
 def _homing_values(one: CalibratedJoint) -> dict[str, int]:
@@ -45,7 +45,8 @@ def lerobot_motors(calibration: Joints, robot: Robot) -> str:
     nameless = next((one for one in calibration if one.model is None), None)
     if nameless is not None:
         raise ExportRefused(f"LeRobot requires the motor model of joint `{nameless.joint.name}`", "write, for example, `model: sts3215`")
-    return _json({safe(one.joint.path): {"id": one.id, "model": one.model, "norm_mode": "degrees"} for one in calibration})
+    motors = {safe(one.joint.path): {"id": one.id, "model": one.model, "norm_mode": "degrees"} for one in calibration}
+    return json.dumps(motors, indent=4) + "\n"
 
 
 def warn_reversed(calibration: Calibration, robot: str, report: Report) -> None:
@@ -76,15 +77,12 @@ def python(calibration: Joints, robot: Robot) -> str:
     entries = {
         one.joint.path: {
             "id": one.id, "model": one.model, "sign": one.sign, "offset": one.offset, "ticks_per_unit": one.ticks,
-            "range": (one.lowest, one.highest), "limits": (one.joint.limit.lower, one.joint.limit.upper),
+            "range": (one.lowest, one.highest) if one.lowest < one.highest else None,  # a joint without limits, several turns
+            "limits": (one.joint.limit.lower, one.joint.limit.upper),
         } for one in calibration
     }
     head = f'"""Motors of the robot {robot.name}: ticks = offset + sign * q * ticks_per_unit [1/rad or 1/m]."""\n\n'
     return f"{head}JOINTS = {pformat(entries, sort_dicts=False)}\n"
-
-
-def _json(data: Mapping[str, object]) -> str:
-    return json.dumps(data, indent=4) + "\n"
 
 
 EXPORTS: Mapping[str, Callable[[Joints, Robot], str]] = {
