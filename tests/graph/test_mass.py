@@ -407,7 +407,8 @@ def test_massless_definition_is_reported_once() -> None:
     report = faults(model, SWING)
     assert [d.message for d in report.diagnostics] == ["the moving link `leg_0/toe` has no mass"]
     contents = "the link contains component `leg_0/toe` and moves in mode `default`"
-    assert [n.message for n in report.diagnostics[0].notes] == [contents, "included from here"]
+    rule = "only a link between two joints can be massless, and only if it is not the root of the mode"
+    assert [n.message for n in report.diagnostics[0].notes] == [contents, rule, "included from here"]
 
 
 # --- drives --------------------------------------------------------------------------------------------------------

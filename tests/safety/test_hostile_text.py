@@ -32,7 +32,7 @@ from thingc import MountPoint, Thing
 class Odd(Thing):
     """{TEXT.encode("unicode_escape").decode()}"""
 
-    bom = {{"make": "buy", "number": "=1+1", "supplier": {EVIL!r}, "cost": "-0.5", "name": "@SUM(A1)"}}
+    bom = {{"make": "buy", "number": "=1+1", "supplier": {EVIL!r}, "cost": "0.50 EUR", "name": "@SUM(A1)"}}
 
     def __init__(self, text: str = "a"):
         super().__init__(material="abs")
