@@ -17,6 +17,7 @@ import pytest
 from PIL import Image
 
 import thingc
+from cli.drawn_positions import record_positions
 from conformance.harness import thingc as command
 from conformance.harness import thingc_here
 from loops.robots import compiled
@@ -291,14 +292,7 @@ def test_positions_replace_those_of_the_pose(
 ) -> None:
     """Read with MuJoCo."""
     (tmp_path / "fingers.yaml").write_text(FINGERS.replace(", MIMIC", f", {mimic}" if mimic else "").replace("POSES", poses))
-    drawn: list[list[float]] = []
-
-    def picture(xml: str, assets: dict[str, bytes], *, pose: str, **_: object) -> bytes:
-        drawn.append(pose_model(mujoco.MjModel.from_xml_string(xml, assets), pose).qpos.tolist())
-        return b""
-
-    monkeypatch.setattr(render, "ready", lambda: None)
-    monkeypatch.setattr(render, "picture", picture)
+    drawn = record_positions(monkeypatch)
     options = [word for setting in words for word in ("--position", setting)]
     assert main(["render", str(tmp_path / "fingers.yaml"), *options, "-o", str(tmp_path / "fingers.png")]) == 0
     assert np.degrees(drawn[0]) == pytest.approx(expected, abs=1e-4)

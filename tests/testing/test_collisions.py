@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from cli.drawn_positions import record_positions
 from testing.rig import HEAD, SLIDERS, Workspace
 from thingc.base.diagnostics import shown_path
 from thingc.base.pose import Pose
@@ -20,8 +21,6 @@ from thingc.base.primitives import Primitive, PrimitiveShape
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Surface
 from thingc.model.solids.shapes import solid_of
-from thingc.targets.render.picture import pose_model
-from thingc.tools.cli import render
 from thingc.tools.cli.main import main
 
 
@@ -64,14 +63,7 @@ def test_command_in_the_help_draws_the_worst_position(rig: Workspace, monkeypatc
     answer = rig.test(SLIDERS, tests)
     command = re.search("run `thingc (.*)`$", answer["diagnostics"][0]["help"])
     assert command is not None and answer["diagnostics"][0]["message"].endswith(" at one = 20 mm")
-    drawn: list[list[float]] = []
-
-    def picture(xml: str, assets: dict[str, bytes], *, pose: str, **_: object) -> bytes:
-        drawn.append(pose_model(mujoco.MjModel.from_xml_string(xml, assets), pose).qpos.tolist())
-        return b""
-
-    monkeypatch.setattr(render, "ready", lambda: None)
-    monkeypatch.setattr(render, "picture", picture)
+    drawn = record_positions(monkeypatch)
     assert main([*shlex.split(command[1]), "-o", str(tmp_path / "touches.png")]) == 0
     assert drawn == [pytest.approx([0.02, 0.0204])]
 

@@ -38,7 +38,8 @@ def at_least(least: int, *, whole: bool = True, **numbers: Any) -> None:
     """
     for name, value in numbers.items():
         if not (is_whole(value, least) if whole else is_number(value) and value >= least):
-            raise FamilyError(f"expected `{name}` to be a {'whole ' * whole}number of at least {least}, found {value}")
+            kind = "whole number" if whole else "number"
+            raise FamilyError(f"expected `{name}` to be a {kind} of at least {least}, found {value}")
 
 
 def as_names(**argument_value: Any) -> tuple[str, ...]:

@@ -249,7 +249,8 @@ class Mode(OneLineRepr):
         """
         if named is not None and named not in self.named:
             raise ModesError(f"mode `{self.name}` has no pose `{named}`: {did_you_mean(named, self.named, what='poses')}")
-        given, names = {**(self.named[named] if named is not None else {}), **(q or {})}, {joint.name: joint for joint in self.joints}
+        given = {**(self.named[named] if named is not None else {}), **(q or {})}
+        names = {joint.name: joint for joint in self.joints}
 
         def coordinate(name: str) -> float:
             mimic = names[name].mimic if name in names and name not in given else None

@@ -401,8 +401,6 @@ def _number(value: Any) -> Value:
     return read_value(value, (units.NUMBER,), "a number", "0.4")
 
 
-
-
 def _cost(value: Any) -> str:
     """Validate a cost: an amount with a currency, such as `12.50 EUR`. The string is returned unchanged."""
     if isinstance(value, str) and COST.fullmatch(value):

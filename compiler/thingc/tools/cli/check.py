@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     check_document: Callable[[str], list[Diagnostic]] = partial(check, options=options, strict=strict)
     check_robot = partial(robot_files.check_robot, options=options, source=source, strict=strict)
     if arguments.no_code:  # check each file of the untrusted workspace in a sandboxed process
-        from thingc.tools.cli.sandboxed_check import diagnose_confined, run_confined
+        from thingc.tools.cli.sandboxed_check import run_confined
 
         console.refuse_modules_of_others()
         seconds = console.time_of("--time-limit", arguments.time_limit)
@@ -85,12 +85,19 @@ def run(arguments: argparse.Namespace) -> int:
             if isinstance(names, Diagnostic):
                 return _answer(arguments, [names], [])
             documents = names
-        check_document = lambda path: diagnose_confined(path, partial(without_code, path, options, strict=strict), seconds)  # noqa: E731
+        check_document = partial(_check_confined, options=options, strict=strict, seconds=seconds)
         check_robot = partial(robot_files.check_confined, options=options, source=source, strict=strict, seconds=seconds)
     diagnostics = list[Diagnostic]()
     diagnostics_of = {document: check_document(document) for document in console.present(documents, diagnostics)}
     diagnostics_of |= {robot: check_robot(robot) for robot in robots}
     return _answer(arguments, *_merge(diagnostics_of, diagnostics), of=of)
+
+
+def _check_confined(document: str, options: Options, *, strict: bool, seconds: float) -> list[Diagnostic]:
+    """Check a document of an untrusted workspace in a sandboxed process."""
+    from thingc.tools.cli.sandboxed_check import diagnose_confined
+
+    return diagnose_confined(document, partial(without_code, document, options, strict=strict), seconds)
 
 
 def _merge(found: Mapping[str, list[Diagnostic]], diagnostics: list[Diagnostic]) -> tuple[list[Diagnostic], list[str]]:

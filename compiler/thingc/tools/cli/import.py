@@ -167,7 +167,9 @@ def _describe_merge(now: Update, *, disputed: bool) -> list[str]:
 
 def _became(old: str, new: str) -> str:
     """Describe how a value in the document has changed."""
-    return f"removed, was {old}" if new == NOTHING else f"new, {new}" if old == NOTHING else f"{old} -> {new}"
+    if new == NOTHING:
+        return f"removed, was {old}"
+    return f"new, {new}" if old == NOTHING else f"{old} -> {new}"
 
 
 def _some(lines: list[str]) -> list[str]:

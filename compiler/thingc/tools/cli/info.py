@@ -204,4 +204,6 @@ def mates_text(assembly: Assembly) -> list[str]:
 
 def _grams(mass: float) -> str:
     """Format a mass, given in kilograms, in grams. The text has two decimals, or two significant digits for a small mass."""
-    return f"{1000.0 * mass:.2g} g" if 0.0 < mass < 1e-5 else f"{1000.0 * mass:.2f} g" if mass < 1.0 else f"{mass:.4f} kg"
+    if 0.0 < mass < 1e-5:
+        return f"{1000.0 * mass:.2g} g"
+    return f"{1000.0 * mass:.2f} g" if mass < 1.0 else f"{mass:.4f} kg"

@@ -270,7 +270,9 @@ def _value(field: str, value: DisplayValue) -> str:
         return str(Quantity(value, ANGLE))
     if last == "rest" and first == "measured":
         return f"{value:.6g} s"
-    return f"{value * 1e6:.4g} cm^3" if last == "volume" else f"{value * 1e4:.4g} cm^2" if last == "area" else f"{value:.6g}"
+    if last == "volume":
+        return f"{value * 1e6:.4g} cm^3"
+    return f"{value * 1e4:.4g} cm^2" if last == "area" else f"{value:.6g}"
 
 
 STYLE = "\n" + resources.files(__package__).joinpath("page.css").read_text(encoding="utf-8")

@@ -75,8 +75,7 @@ def _outline(up: Vector, levels: dict[float, list[tuple[float, TopoDS_Face]]]) -
     if thickness > math.sqrt(lower_area) / 2.0:
         return Sheet(reason=f"it is too thick for its area ({thickness:.6g} mm for {lower_area:.6g} mm^2)")
     onto = gp_Trsf()
-    # x of the drawing is the x axis of the part, or the y axis if `up` is along x
-    onto.SetTransformation(gp_Ax3(gp_Pnt(), gp_Dir(*up), gp_Dir(1.0, 0.0, 0.0) if abs(up[0]) < 0.9 else gp_Dir(0.0, 1.0, 0.0)))
+    onto.SetTransformation(gp_Ax3(gp_Pnt(), gp_Dir(*up), gp_Dir(*_across(up))))
     cut = _edges((face for _, face in lower), TopLoc_Location(onto))
     engraved = _edges((face for at, face in upper if upper[-1][0] - at > LEVEL), TopLoc_Location(onto))
     return Sheet(
@@ -96,6 +95,11 @@ def _normals(face: TopoDS_Face) -> list[Vector]:
             if normal.Magnitude() > 0.0:
                 found.append(normal.Normalized().Coord())
     return found
+
+
+def _across(up: Vector) -> Vector:
+    """Return the x direction of the drawing: the x axis of the part, or the y axis if `up` is along x."""
+    return (1.0, 0.0, 0.0) if abs(up[0]) < 0.9 else (0.0, 1.0, 0.0)
 
 
 def _edges(faces: Any, place: TopLoc_Location) -> dict[tuple[Any, ...], Curve]:

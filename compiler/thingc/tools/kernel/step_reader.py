@@ -162,8 +162,7 @@ class _Reading:
     def _color(self, of: Any) -> str | None:
         """Return the colour of a label or of a shape."""
         color, find = Quantity_ColorRGBA(), self.colors.GetColor_s if isinstance(of, TDF_Label) else self.colors.GetColor
-        found = (Quantity_Color.ColorToHex_s(color.GetRGB(), True).ToCString() for kind in _KINDS if find(of, kind, color))
-        return next((str(text).lower() for text in found), None)
+        return next((_hexadecimal(color) for kind in _KINDS if find(of, kind, color)), None)
 
     def _colors(self, solid: Any) -> tuple[str, ...]:
         """Return the colours of a solid and its faces, the colour of the largest area first."""
@@ -246,3 +245,7 @@ def _material(label: TDF_Label) -> tuple[str | None, float | None]:
     name = material.GetName().ToCString().strip() if material.GetName() is not None else ""
     density = 1000.0 * material.GetDensity()
     return name or None, density if 1.0 < density < 30_000.0 else None
+
+
+def _hexadecimal(color: Quantity_ColorRGBA) -> str:
+    return str(Quantity_Color.ColorToHex_s(color.GetRGB(), True).ToCString()).lower()

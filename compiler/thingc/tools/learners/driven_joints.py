@@ -75,7 +75,9 @@ def losses(robot: Robot, target: str, framework: str, motions: frozenset[str], *
             joint = body.joints[0]
             what = f"the configuration of the {joint.kind.name} joint: not supported by {framework}"
             yield Loss(target, None, robot.assembly.mates[joint.mate].name or joint.path, what, "omitted", joint.origin)
-    for tendon in (tendon for tendon in robot.assembly.tendons if tendon.path in robot.pulled):
-        yield Loss(target, None, tendon.path, "the configuration of the tendon drive", "omitted", tendon.origin)
-    for path, origin in ((magnet.path, robot.assembly.occurrences[magnet.occurrence].origin) for magnet in robot.assembly.adhesions):
-        yield Loss(target, None, path, "the configuration of the magnet", "omitted", origin)
+    for tendon in robot.assembly.tendons:
+        if tendon.path in robot.pulled:
+            yield Loss(target, None, tendon.path, "the configuration of the tendon drive", "omitted", tendon.origin)
+    for magnet in robot.assembly.adhesions:
+        origin = robot.assembly.occurrences[magnet.occurrence].origin
+        yield Loss(target, None, magnet.path, "the configuration of the magnet", "omitted", origin)

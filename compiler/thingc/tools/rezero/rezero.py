@@ -95,7 +95,8 @@ def rezero(
 
 def _warn_unchanged(calibration: Document) -> Diagnostic:
     message = f"the calibration `{calibration.relative}` of the same joints was not changed"
-    help, span = f"use `--calibration {shown_path(calibration.path)}`, or edit the file by hand", calibration.span(("joints",), key=True)
+    help = f"use `--calibration {shown_path(calibration.path)}`, or edit the file by hand"
+    span = calibration.span(("joints",), key=True)
     return Diagnostic(code=Code.COMMAND_LINE, severity=Severity.WARNING, message=message, help=help, span=span)
 
 

@@ -80,8 +80,7 @@ def manufactured_parts(assembly: Assembly) -> list[ManufacturedPart]:
         if isinstance(one.component.definition, PartDefinition) and one.record is not None and one.record.box and make_of(one) != "buy"
     ]
     groups = list(group_by(manufactured, lambda one: (one.definition, one.material and one.material.name)).values())
-    # characters that are not allowed in all file systems are replaced
-    labels = labels_of([group[0] for group in groups], lambda one: re.sub(r"[^\w.-]+", "_", plain_name(one)).strip("._") or "part")
+    labels = labels_of([group[0] for group in groups], lambda one: _simple(plain_name(one)))
     return [ManufacturedPart(label=label, occurrences=group) for label, group in zip(labels, groups, strict=True)]
 
 
@@ -90,3 +89,8 @@ def labels_of(parts: Sequence[Occurrence], name_of: Callable[[Occurrence], str] 
     definitions = Counter(name for name, _ in {(name_of(one).casefold(), one.definition) for one in parts})
     stems = (one.component.definition.stem if isinstance(one.component.definition, PartDefinition) else "" for one in parts)
     return [name_of(one) if definitions[name_of(one).casefold()] == 1 else stem for one, stem in zip(parts, stems, strict=True)]
+
+
+def _simple(name: str) -> str:
+    """Replace characters that are not allowed in all file systems."""
+    return re.sub(r"[^\w.-]+", "_", name).strip("._") or "part"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from OCP import GeomAbs
 from OCP.Bnd import Bnd_Box
 from OCP.BRep import BRep_Builder
 from OCP.BRepAdaptor import BRepAdaptor_Curve2d, BRepAdaptor_Surface
@@ -13,6 +12,16 @@ from OCP.BRepBndLib import BRepBndLib
 from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Sinert, BRepGProp_Vinert
+from OCP.GeomAbs import (
+    GeomAbs_Circle,
+    GeomAbs_Cone,
+    GeomAbs_Cylinder,
+    GeomAbs_Line,
+    GeomAbs_Plane,
+    GeomAbs_Sphere,
+    GeomAbs_SurfaceOfExtrusion,
+    GeomAbs_Torus,
+)
 from OCP.gp import gp_Pnt
 from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
@@ -32,7 +41,7 @@ ACCURACY = 1e-12
 """Relative error of the volume that the kernel's adaptive integration must reach."""
 AGREEMENT = 1e-9
 """Largest relative difference between fixed-order and adaptive integration for which the fixed-order result is accepted."""
-_ROUND = frozenset({GeomAbs.GeomAbs_Cylinder, GeomAbs.GeomAbs_Cone, GeomAbs.GeomAbs_Sphere, GeomAbs.GeomAbs_Torus})
+_ROUND = frozenset({GeomAbs_Cylinder, GeomAbs_Cone, GeomAbs_Sphere, GeomAbs_Torus})
 _ALONG = 1e-12
 """A direction counts as parallel to a surface parameter if its component across the parameter is at most this value."""
 
@@ -179,9 +188,9 @@ def _skin(solid: TopoDS_Shape) -> _Skin:
     for subshape in subshapes(solid, TopAbs_FACE):
         face = TopoDS.Face(subshape)
         kind = BRepAdaptor_Surface(face, False).GetType()
-        if kind == GeomAbs.GeomAbs_SurfaceOfExtrusion:
+        if kind == GeomAbs_SurfaceOfExtrusion:
             skin.extruded.append((face, False))
-        elif kind == GeomAbs.GeomAbs_Plane and _within_lines_and_circles(face):
+        elif kind == GeomAbs_Plane and _within_lines_and_circles(face):
             skin.flat.append((face, True))
         else:
             skin.rest.append((face, kind in _ROUND and _within_own_lines(face)))
@@ -189,7 +198,7 @@ def _skin(solid: TopoDS_Shape) -> _Skin:
 
 
 def _within_lines_and_circles(face: TopoDS_Face) -> bool:
-    simple = (GeomAbs.GeomAbs_Line, GeomAbs.GeomAbs_Circle)  # types of the curve on the face, along which the kernel integrates
+    simple = (GeomAbs_Line, GeomAbs_Circle)  # types of the curve on the face, along which the kernel integrates
     return all(BRepAdaptor_Curve2d(TopoDS.Edge(edge), face).GetType() in simple for edge in subshapes(face, TopAbs_EDGE))
 
 
@@ -198,7 +207,7 @@ def _within_own_lines(face: TopoDS_Face) -> bool:
     constant.
     """
     curves = [BRepAdaptor_Curve2d(TopoDS.Edge(edge), face) for edge in subshapes(face, TopAbs_EDGE)]
-    if any(curve.GetType() != GeomAbs.GeomAbs_Line for curve in curves):
+    if any(curve.GetType() != GeomAbs_Line for curve in curves):
         return False
     directions = [curve.Line().Direction() for curve in curves]
     return all(min(abs(direction.X()), abs(direction.Y())) <= _ALONG for direction in directions)
