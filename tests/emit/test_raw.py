@@ -88,7 +88,7 @@ def test_sdf_values_are_written_as_elements(tmp_path: Path) -> None:
     ("urdf: {joint: {left.knuckel: {limit: {effort: 7}}}}",
      "TC701: `raw.urdf` refers to the unknown joint `left/knuckel`", "did you mean `left_knuckle`?"),
     ("urdf: {robot: {base: {version: 1}}}",
-     "TC701: `robot` has no raw attributes in `urdf`", "known kinds of elements: `joint`, `link`"),
+     "TC701: unknown kind of element `robot` in `raw.urdf`", "known kinds of elements: `joint`, `link`"),
     ("urdf: {link: {base: 1}}", "TC701: `raw.urdf.link.base` must be the path of a value", "write `link: {NAME: {KEY: VALUE}}`"),
     ("sdf: {joint: {wrist_0: {axis: {dynamics: {damping: 1}}}}}",
      "TC701: `raw.sdf` refers to the unknown joint `wrist_0`", "did you mean `wrist`?"),

@@ -852,7 +852,7 @@ def test_arm_package_builds_and_loads(root: Path, tmp_path: Path, shared_store: 
     command = ["build", str(root / "assemblies" / "arm.yaml"), "--emit", "ros", "-o", str(tmp_path), "--store", shared_store]
     assert main(command) == 0, capsys.readouterr().err
     assert main([*command, "--deny-loss"]) == 1
-    assert "export loss in ros at `yaw`: the armature of" in capsys.readouterr().err
+    assert "ros cannot fully represent `yaw`: the armature of" in capsys.readouterr().err
     package = tmp_path / "arm" / "ros" / "arm_description"
     for file in sorted((package / "urdf").iterdir()):
         resolved = file.read_text().replace("package://arm_description/", f"{package}/")

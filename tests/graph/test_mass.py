@@ -293,7 +293,7 @@ def test_infill_without_process_values_is_reported(process: Process, missing: st
     assert said(faults(model, box("p:Box"))) == [
         (
             "INFILL",
-            f"the print process of `humerus` has no {missing}",
+            f"the print process of `humerus` lacks {missing}",
             f"add {missing} to the `process` of the material or of the component, or write `infill: 100 %`",
             7,
         )
@@ -407,7 +407,7 @@ def test_massless_definition_is_reported_once() -> None:
     report = faults(model, SWING)
     assert [d.message for d in report.diagnostics] == ["the moving link `leg_0/toe` has no mass"]
     contents = "the link contains component `leg_0/toe` and moves in mode `default`"
-    rule = "only a link between two joints can be massless, and only if it is not the root of the mode"
+    rule = "a massless link must be between two joints, and must not be the root of the mode"
     assert [n.message for n in report.diagnostics[0].notes] == [contents, rule, "included from here"]
 
 

@@ -148,7 +148,7 @@ def test_missing_collision_shapes_are_reported(choice: str, why: str) -> None:
     """Reported only for parts whose meshes are known."""
     mesh = Mesh(sha256="0" * 64, size=1, vertices=8, faces=12, closed=True, flat=False)
     model = assembly("a", [component("one", "p:Plate", line=3, collision=choice)])
-    message = f"`one` (p:Plate) has no {why} for `collision: {choice}`"
+    message = f"`one` (`p:Plate`) has no {why} for `collision: {choice}`"
     report = faults(model, box("p:Plate", meshes=dict.fromkeys(("visual", "mesh", "hull"), mesh)))
     assert said(report) == [("COLLISION_MISSING", message, "write `collision: hull`, or `collision: none` to disable contacts", 3)]
     linked(model, box("p:Plate"))

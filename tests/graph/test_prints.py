@@ -149,11 +149,11 @@ def test_missing_process_values_are_reported_together() -> None:
     bare = material("petg", process=Process(kind="fdm", walls=3, line_width=0.00045, infill=0.15))
     model = assembly("a", [component("part", "p:Box", process=Process(layer=0.0002))], materials=(bare,))
     assert [message for _, message, _, _ in said(faults(model, box("p:Box", SIZE)))] == [
-        "the print process of `petg` has no `layer`, `top` and `bottom`",
+        "the print process of `petg` lacks `layer`, `top` and `bottom`",
     ]
     own = assembly("a", [component("part", "p:Box", process=replace(PRINTED, top=None, bottom=None))], materials=(PETG,))
     assert [message for _, message, _, _ in said(faults(own, box("p:Box", SIZE)))] == [
-        "the print process of `part` has no `top` and `bottom`",
+        "the print process of `part` lacks `top` and `bottom`",
     ]
 
 

@@ -253,7 +253,7 @@ def test_vector_component_is_set_by_its_index(here: Path, capsys: pytest.Capture
     (["joints.lift.limit=[1 deg, 2 deg]"], ["expected a mapping", "found a list of 2 items"]),
     (["joints.lift.limit=1 deg"], ["found the mapping `joints.lift.limit`", "or the whole mapping: `joints.lift.limit={...}`"]),
     (["rech=1 mm", "load=3 mm", "joints.lift.limits.upper=1 deg"], [
-        "has no parameter `rech`", "found a length (`3 mm`)", "has no `limits`"]),
+        "has no parameter `rech`", "found a length (`3 mm`)", "has no key `limits`"]),
     (["reach=300 mm"], ["at most 200 mm"]), (["reach=0.15"], ["help: write `0.15 m`"]), (["reach=150"], ["help: write `150 mm`"]),
     (["joints.lift.limit.upper=-2 rad"], ["found `-90 deg` and `-2 rad`", "{lower: -90 deg, upper: -2 rad}"]),
     (["components.tool.components.tip.mass=1 kg"], ["`thingc set tool.yaml 'components.tip.mass=...'`"]),

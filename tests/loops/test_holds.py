@@ -388,7 +388,7 @@ def test_component_hold_uses_its_origin_without_mate(tmp_path: Path) -> None:
 def test_hold_on_the_root_is_an_error(tmp_path: Path) -> None:
     found = compiled(tmp_path, LEVER + "  m: {root: arm.tip, hold: {arm.hub: here, post: here}}\n")
     assert found.said == [(
-        "TC603", "`arm/hub` under `hold` of mode `m` is on the root link `arm`",
+        "TC603", "mode `m` cannot hold `arm/hub`, a mount of the root link `arm`",
         "list a mount of another link under `hold`, or remove the mount", 12,
     )]
 

@@ -57,8 +57,8 @@ def said(analysis: Analysis, text: str, marked: str) -> str:
     ("li│ft: {type", "**lift**: Fixed, from `base.top` to `palm.seat`."),
     ("out: {ya│w_0", "**yaw_0**: Revolute, from `base.top` to `finger_0.seat`; -90 deg to 120 deg.\n\n"
      "Turns about z of the parent mount.\n\nNot driven."),
-    ("ou│t: {yaw_0", "**out**: yaw_0 30 deg; all other joints at 0.\n\nModes that start in it: `bench`."),
-    ("pose: o│ut", "**out**: yaw_0 30 deg; all other joints at 0.\n\nModes that start in it: `bench`."),
+    ("ou│t: {yaw_0", "**out**: yaw_0 30 deg; all other joints at 0.\n\nModes that start in this pose: `bench`."),
+    ("pose: o│ut", "**out**: yaw_0 30 deg; all other joints at 0.\n\nModes that start in this pose: `bench`."),
     ("be│nch: {root", "**bench**: `base` is the root, fixed to the world; starts in pose `out`."),
     ("# a com│ment", ""),
 ])

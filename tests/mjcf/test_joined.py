@@ -205,7 +205,7 @@ def test_other_moving_massless_links_are_errors(name: str, tmp_path: Path) -> No
     mode = "down" if name == "a root that moves" else "up"
     assert notes[f"the moving link `{link}` has no mass"] == [
         f"the link contains component `{link}` and moves in mode `{mode}`",
-        "only a link between two joints can be massless, and only if it is not the root of the mode",
+        "a massless link must be between two joints, and must not be the root of the mode",
     ]
     assert {one.help for one in said} == {"add `mass:` to a component of the link, or use `attach` instead of a joint"}
 

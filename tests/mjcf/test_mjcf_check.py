@@ -200,7 +200,7 @@ def test_user_warning_handler_is_restored(store: Store) -> None:
 UNKNOWN = [
     ("joint yow damping", "`raw.mjcf` refers to the unknown joint `yow`", "did you mean `yaw`?"),
     ("joint hand/pich damping", "`raw.mjcf` refers to the unknown joint `hand/pich`", "did you mean `hand/pitch`?"),
-    ("jiont yaw damping", "`jiont` has no raw attributes in `mjcf`", "did you mean `joint`?"),
+    ("jiont yaw damping", "unknown kind of element `jiont` in `raw.mjcf`", "did you mean `joint`?"),
     ("geom hand/cap:colision solref", "`raw.mjcf` refers to the unknown geom `hand/cap:colision`", "did you mean `hand/cap:collision`?"),
     ("body q gravcomp", "`raw.mjcf` refers to the unknown body `q`", "known bodies: `bracket`, `forearm`, `plate`, `tip`"),
     ("default colision geom solref", "`raw.mjcf` refers to the unknown class `colision`", "did you mean `collision`?"),

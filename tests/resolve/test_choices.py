@@ -204,8 +204,8 @@ def test_value_in_one_nested_assembly_does_not_affect_others(tmp_path: Path, sha
 def test_wrong_nested_path_suggests_the_complete_path(tmp_path: Path, shared_store: str) -> None:
     found = compiled(tmp_path, shared_store, {"components.left.components.uper.mass": "7 g", "components.row_1.mass": "2 g"})
     assert [(one.code, one.path, one.message, one.help) for one in found.report.sorted_diagnostics()] == [
-        (Code.CHOICE_OPTION, "--set components.row_1.mass", "`components` has no `row_1`", "did you mean `components.row.mass`?"),
-        (Code.CHOICE_OPTION, "--set components.left.components.uper.mass", "`components.left.components` has no `uper`",
+        (Code.CHOICE_OPTION, "--set components.row_1.mass", "`components` has no key `row_1`", "did you mean `components.row.mass`?"),
+        (Code.CHOICE_OPTION, "--set components.left.components.uper.mass", "`components.left.components` has no key `uper`",
          "did you mean `components.left.components.upper.mass`?"),
     ]
 

@@ -333,7 +333,7 @@ def test_missing_and_outdated_lock_files_are_reported(cart: Path) -> None:
     assert said(cart)[1] == [("TC343", "`parts.lock.json` is out of date for 1 part of the lump `stack`")]
     cart.joinpath("cart.yaml").write_text(CART)
     source.write_text(BLOCK.replace("edge / 2", "edge / 3"))
-    assert said(cart)[1] == [("TC341", "part `blocks:Block`: its code has changed since `parts.lock.json` was written")]
+    assert said(cart)[1] == [("TC341", "part `blocks:Block`: the code has changed since `parts.lock.json` was written")]
     source.write_text(BLOCK)
     lock.unlink()
     assert [one[0] for one in said(cart)[1]] == ["TC340"]

@@ -94,7 +94,7 @@ def test_stale_lock_is_reported_at_the_part(workspace: Path, shared_store: str) 
     assert done.code == 1
     diagnostics = json.loads(done.out)["diagnostics"]
     assert [(said["code"], said["file"], said["message"]) for said in diagnostics] == [
-        ("TC341", "assemblies/end_effector.yaml", f"part `arm:{name}`: its code has changed since `parts.lock.json` was written")
+        ("TC341", "assemblies/end_effector.yaml", f"part `arm:{name}`: the code has changed since `parts.lock.json` was written")
         for name in ("Hand", "OmegaCap", "PenDummy")  # they share a module
     ]
     assert {said["notes"][0]["file"] for said in diagnostics} == {"parts/arm.py"}

@@ -167,7 +167,7 @@ def test_python_keywords_and_module_names_are_valid_names(name: str, here: Path)
     (["full"], "error[TC805]: the folder `full` is not empty: `file`\n  help: choose another name, or move the content of the folder"),
     (["full/file"], "error[TC805]: the file `full/file` already exists"),
     (["full/file/rover"], "error[TC805]: cannot create `full/file/rover`: file exists (`full/file`)"),
-    ([], "missing: NAME"),
+    ([], "the command requires NAME"),
 ])
 def test_errors_write_nothing(
     words: list[str], said: str, here: Path, capsys: pytest.CaptureFixture[str],

@@ -439,7 +439,7 @@ class _Planner:
         mode = next((mode for mode in model.modes if mode.name == mode_name), None)
         if mode is None or not (mode.holds or any(joint.loop for joint in model.joints)):
             return
-        message = f"`torque_margin` is not defined for the closed loops of mode `{mode.name}`"
+        message = f"`torque_margin` is not available in mode `{mode.name}`, which has closed loops"
         for index, expression in enumerate(self.spec.keep):
             if any(rule.expression is expression and "torque_margin" in rule.names.values() for rule in rules):
                 self.error(Code.RESULT, message, ("keep", index), "put another mode first under `modes`, or remove the rule")

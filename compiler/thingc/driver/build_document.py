@@ -125,6 +125,6 @@ def _report_losses(losses: Sequence[Loss], document: Origin, report: Report) -> 
         if not report.allows(Code.LOSS_DENIED, (*loss.origin, *document)):
             mode = f" in mode `{loss.mode}`" if loss.mode not in (None, loss.path) else ""
             report.add(
-                Code.LOSS_DENIED, f"export loss in {loss.target} at `{loss.path}`{mode}: {loss.what} ({loss.how})", loss.origin,
+                Code.LOSS_DENIED, f"{loss.target} cannot fully represent `{loss.path}`{mode}: {loss.what} ({loss.how})", loss.origin,
                 path=loss.path, allow=True,
             )

@@ -76,7 +76,7 @@ def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Ele
     """Return the reason why the path of a raw attribute is invalid, or None if the path is valid."""
     path, target = attribute.path, attribute.target
     if path[0] not in KINDS:
-        message = f"`{path[0]}` has no raw attributes in `{target}`"
+        message = f"unknown kind of element `{path[0]}` in `raw.{target}`"
         return message, did_you_mean(path[0], KINDS, what="kinds of elements"), 0
     if len(path) < 3:
         return f"`{attribute.dotted}` must be the path of a value", f"write `{path[0]}: {{NAME: {{KEY: VALUE}}}}`", 0

@@ -328,7 +328,7 @@ class _World:
                 f"switches between modes do not support a variable `{moving[0]}`, which depends on {', '.join(self.family.names)}",
                 "use `at` to fix the numbers that move links, joints or mounts",
             )
-        lacks = "a planar or ball base" if mode.part is not None else "holds in addition to its root" if mode.holds else (
+        lacks = "a planar or ball base" if mode.part is not None else "mounts under `hold`" if mode.holds else (
             "ball joints or free joints" if any(joint.ball is not None for joint in mode.joints) else
             "actuators with activations" if self.family.mj_model.na else "")
         if lacks:

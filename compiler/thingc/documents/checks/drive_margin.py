@@ -43,7 +43,7 @@ def read_drive_margin(spec: DriveMarginTest, reader: Reader) -> DriveCheck:
     joints = reader.drives(spec.drive, "drive")
     reader.motion(spec.motion, "motion")
     unusable = {
-        name: "has an unsupported free base" if mode.base == "free" else f"does not use the drive of joint `{joints[0]}`"
+        name: "has a free base, which is not supported" if mode.base == "free" else f"does not use the drive of joint `{joints[0]}`"
         for name, mode in reader.modes.items() if mode.base == "free" or (joints and len(unused_drives(joints, mode)) == len(joints))
     }
     if spec.mode is None:

@@ -53,9 +53,9 @@ def read_torque_margin(spec: TorqueMarginTest, reader: Reader) -> TorqueCheck:
     floating = [name for name in reader.chosen_modes if not _is_supported(reader.modes[name])]
     if floating:
         supported = [name for name, mode in reader.modes.items() if _is_supported(mode) and not unused_drives(joints, mode)]
-        hint = f", or use a mode with a support: {', '.join(f'`{name}`' for name in supported)}" if supported else ""
+        hint = f", or use another mode: {', '.join(f'`{name}`' for name in supported)}" if supported else ""
         reader.error(
-            Code.TEST, f"mode `{floating[0]}` has a free base without support", "mode" if spec.mode is not None else (),
+            Code.TEST, f"nothing supports the free base of mode `{floating[0]}`", "mode" if spec.mode is not None else (),
             on_key=spec.mode is None, help=f"set `standing_on: [...]` in the mode{hint}",
         )
     for name in reader.chosen_modes:

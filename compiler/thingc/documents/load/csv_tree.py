@@ -58,7 +58,7 @@ def read_csv(source: Source, report: Report) -> MappingNode | None:
             return None
         filled = [(name, text, key, span) for (name, key), (text, span) in zip(header, row, strict=False) if text]
         if filled and COLUMNS[0] not in (name for name, *_ in filled):
-            report.add(Code.MISSING_KEY, f"this row has no `{COLUMNS[0]}`", filled[0][3], help="add the order number of the part")
+            report.add(Code.MISSING_KEY, f"the row has no `{COLUMNS[0]}`", filled[0][3], help="add the order number of the part")
         elif filled:
             entries.append(MappingNode(
                 entries={name: ScalarNode(value=text, text=text, span=span) for name, text, _, span in filled},

@@ -239,7 +239,7 @@ class _Joiner:
     def node(self, item: _Item, value: Any, level: int) -> Node:
         span = self.source.span(item.start, item.end)
         if level > MAX_LEVELS:
-            self.fault(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", span)
+            self.fault(Code.TOO_LARGE, f"the document has more than {MAX_LEVELS} levels of nesting", span)
             return ScalarNode(value=None, text="", span=span)
         if isinstance(item, _Table) and isinstance(value, dict):
             return self.table(item, value, level)
@@ -287,9 +287,9 @@ def _too_large(source: Source, syntax: TomlSyntax, report: Report) -> bool:
         level += node.type in ("array", "inline_table", "dotted_key", "ERROR")
         many = values > 2 * MAX_NODES  # nodes of a pair: statement, key, words, value; of a table: statement, header, words
         if many or level > MAX_LEVELS:
-            limit = f"{MAX_NODES} values in one document" if many else f"{MAX_LEVELS} levels of nesting"
+            limit = f"{MAX_NODES} values" if many else f"{MAX_LEVELS} levels of nesting"
             start = syntax.range(node)[0]
-            report.add(Code.TOO_LARGE, f"more than {limit}", source.span(start, start + 1))
+            report.add(Code.TOO_LARGE, f"the document has more than {limit}", source.span(start, start + 1))
             return True
         remaining.extend((child, level) for child in reversed(node.named_children))
     return False
@@ -303,7 +303,7 @@ def _report_error(error: Exception, source: Source, syntax: TomlSyntax, report: 
     """Report a syntax error from tomllib, with its position in the document and a hint about the syntax that the user probably intended."""
     if isinstance(error, RecursionError):
         start = _first_excess_bracket(source.text)
-        report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", source.span(start, start + 1))
+        report.add(Code.TOO_LARGE, f"the document has more than {MAX_LEVELS} levels of nesting", source.span(start, start + 1))
         return
     match = _POSITION.search(str(error))
     message_text = str(error)[: match.start()] if match else str(error)

@@ -280,8 +280,8 @@ class ComponentSpec(ComponentDefaults):
             isinstance(self.collision, CollisionSpec) and not given_keys(self.collision, ("kind", "shapes", "decompose"))
             and all(choice == "none" or isinstance(choice, ChoiceSpec) and choice.shapes for choice in self.collision.variants.values())
         ):
-            help = "set `for: collision` and `decompose` of its `shapes`, and write, for example, `collision: {modes: {bench: none}}`"
-            raise rule("`collision` of a link can only contain `none` or `shapes` for `targets` and `modes`", help, "collision")
+            help = "set `for` and `decompose` of the `shapes` instead, or write, for example, `collision: {modes: {bench: none}}`"
+            raise rule("`collision` of a link can only be set per target or mode, to `none` or `shapes`", help, "collision")
         if self.bom is not None and self.bom.as_ is not None and self.assembly is None:
             raise rule("`as: one` can only be used with `assembly`", "remove `as`", "bom")
         if isinstance(self.collision, CollisionSpec) and self.frame is not None:

@@ -215,7 +215,7 @@ class LockOnlyGeometry:
             return schema
         if answers.current(reference):
             return PartFailure(subject=reference, kind="unlocked", message=f"the entry of this part in `{LOCK_FILE}` is invalid")
-        what = "its code" if thing.code != hash_of(reference, code, self._parts) else "a file that it reads"
+        what = "the code" if thing.code != hash_of(reference, code, self._parts) else "a file that the part reads"
         return PartFailure(
             subject=reference, kind="stale", message=f"{what} has changed since `{LOCK_FILE}` was written", file=file, line=line,
         )

@@ -157,7 +157,7 @@ def _wrap_environment() -> None:
             return original(self, key)
         except KeyError as fault:  # existing variables have fixed values, or the part itself set them
             name = _name_text(key)
-            if _note_use(ImpureInputs.ENVIRONMENT, f"reads the unavailable environment variable `{name}`"):
+            if _note_use(ImpureInputs.ENVIRONMENT, f"reads the environment variable `{name}`, which parts cannot use"):
                 fault.add_note(f"the environment of parts does not contain `{name}`")
             raise
 

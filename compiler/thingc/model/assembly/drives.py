@@ -85,7 +85,7 @@ def actuator_of(instance: Instance, owner: str, drive: Drive, limit: Limit, find
         key, reach = "rest", None if limit.lower is None or limit.upper is None else limit.upper - limit.lower
     for name, value in (("deadband", drive.deadband), ("noise", drive.noise)):
         if value is not None and reach is not None and value >= reach:
-            compared = f"({Quantity(value, of[key])}) covers the command range ({Quantity(reach, of[key])})"
+            compared = f"must be below the command range ({Quantity(reach, of[key])}), found {Quantity(value, of[key])}"
             place = drive.spans[name], *instance.origin
             findings.error(Code.DRIVE, f"the `{name}` of the drive of {owner} {compared}", place, help=f"use a smaller `{name}`")
     stall = (drive.stall, speed) if drive.stall is not None and speed else None

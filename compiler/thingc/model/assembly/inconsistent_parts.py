@@ -91,8 +91,8 @@ def _join_names(names: Iterable[str]) -> str:
 
 FIELDS: Mapping[str, _Field] = {
     "material": _Field("material", _text), "color": _Field("colour", _text),
-    "volume": _Field("volume", _number("cm^3", 1e6)), "area": _Field("surface", _number("cm^2", 1e4)),
-    "centre": _Field("centre", _lengths), "inertia": _Field("inertia"), "box": _Field("bounding box", _corners),
+    "volume": _Field("volume", _number("cm^3", 1e6)), "area": _Field("surface area", _number("cm^2", 1e4)),
+    "centre": _Field("centre of volume", _lengths), "inertia": _Field("inertia"), "box": _Field("bounding box", _corners),
     "mass": _Field("stated mass", _number("kg")), "com": _Field("stated centre of mass", _lengths),
     "matrix": _Field("stated inertia"), "density": _Field("stated density", _number("kg/m^3")),
     "mounts": _Field("mounts"), "expectations": _Field("expected parts of mounts"),

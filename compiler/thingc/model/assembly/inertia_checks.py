@@ -88,7 +88,7 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
         else:
             code, message = Code.MASSLESS, f"the moving link `{link.name}` has no mass"
             help = "add `mass:` to a component of the link, or use `attach` instead of a joint"
-            notes.append(Note(message="only a link between two joints can be massless, and only if it is not the root of the mode"))
+            notes.append(Note(message="a massless link must be between two joints, and must not be the root of the mode"))
         findings.error(code, message, link.origin, path=link.name, help=help, notes=notes)
 
 

@@ -114,7 +114,7 @@ def check_declared(robot: Connected, findings: LinkReport) -> None:
     for part in robot.occurrences:
         mounts = part.record.mounts if part.record is not None and part.definition.text not in reported else {}
         for name, declaration in [(name, declaration) for name, mount in mounts.items() for declaration in mount.contradictions]:
-            message = f"mount `{name}` of `{part.definition.label}` does not match {declaration}"
+            message = f"mount `{name}` of `{part.definition.label}` does not match its interface {declaration}"
             help = "correct the `interface` of the mount, or the geometry of the part"
             if findings.warn(Code.INTERFACE_GEOMETRY, message, part.origin, path=part.path, notes=_declaration_note(part, name), help=help):
                 reported.add(part.definition.text)
@@ -134,8 +134,8 @@ def check_added_interfaces(assembly: Connected, measure: Callable[[Collection[st
     for part, name, mount, brep in reversed(added.values()):
         for declaration in contradictions(mount.features, mount.pose, measured[brep]):
             report.warn(
-                Code.INTERFACE_GEOMETRY, f"mount `{mount_name(part, name)}` does not match {declaration}", mount.origin, path=part.path,
-                help="correct the `interface` or the pose of the mount", allow=True,
+                Code.INTERFACE_GEOMETRY, f"mount `{mount_name(part, name)}` does not match its interface {declaration}", mount.origin,
+                path=part.path, help="correct the `interface` or the pose of the mount", allow=True,
             )
 
 

@@ -44,7 +44,7 @@ def check_contacts(occurrences: Sequence[Occurrence], findings: LinkReport) -> N
         if one.record is None or not one.record.meshes or choice in ("none", "shapes") or one.touching:
             continue
         findings.error(
-            Code.COLLISION_MISSING, f"`{one.path}` ({one.definition.label}) has no {ABSENT.get(choice, f'enclosing {choice}')} for "
+            Code.COLLISION_MISSING, f"`{one.path}` (`{one.definition.label}`) has no {ABSENT.get(choice, f'enclosing {choice}')} for "
             f"`collision: {choice}`", one.origin, path=one.path, help="write `collision: hull`, or `collision: none` to disable contacts",
         )
 

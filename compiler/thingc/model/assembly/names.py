@@ -73,7 +73,7 @@ def _check(things: Iterable[tuple[str, Origin]], names: Mapping[str, tuple[str, 
         if other != path:
             mine = path in names
             findings.error(
-                Code.SAME_NAME, f"`{other}` and `{path}` have the same name `{name}` in files", where if mine else place, path=path,
+                Code.SAME_NAME, f"`{other}` and `{path}` have the same name `{name}` in output files", where if mine else place, path=path,
                 help="rename one of the two elements",
                 notes=make_notes(f"`{other if mine else path}` is defined here", place if mine else where),
             )

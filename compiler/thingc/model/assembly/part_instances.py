@@ -315,7 +315,7 @@ class PartInstances:
         if stated is not None:
             doubt = mass_doubt(weighed.properties.mass, record.volume)
             if doubt is not None:
-                help = None if doubt.meant is None else f"did you mean `{mass_words(doubt.meant)}`?"
+                help = None if doubt.meant is None else f"try `{mass_words(doubt.meant)}`"
                 place = component.full_origin(stated.origin, use.origin)
                 use.warn(Code.DENSITY, f"the density of `{component.name}` {doubt.words}", origin=place, help=help)
         elif record.mass is not None or record.density is not None:
@@ -375,7 +375,7 @@ class PartInstances:
         name, advice = use.component.name, f"{listed} to the `process` of the material or of the component"
         if of_material and use.material is not None:
             name, advice = use.material.name, listed
-        message = f"the print process of `{name}` has no {listed}"
+        message = f"the print process of `{name}` lacks {listed}"
         _report_process(use, Code.INFILL, message, f"add {advice}, or write {alternative}", of_material=bool(of_material))
 
     def _is_physical(self, use: _Use) -> bool:

@@ -111,7 +111,7 @@ def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: C
             continue
         shown, other = (path.replace("/", ".") for path in (off, on[0]))
         findings.warn(
-            Code.HELD_OFF, f"mode `{mode.name}` is held at `{shown}`, whose magnet is off",
+            Code.HELD_OFF, f"the magnet at the root of mode `{mode.name}` (`{shown}`) is off",
             mode.origin, path=mode.name, notes=make_notes(
                 f"the magnet of `{other}` is switched on here", written[mode.name].get(other, ()),
             ),

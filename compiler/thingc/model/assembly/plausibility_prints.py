@@ -81,7 +81,7 @@ def _doubts(process: Process, keys: Collection[str]) -> Iterator[_Doubt]:
             intended = next((value * slip for slip in _SLIPS if usual[0] <= value * slip <= usual[1]), None)
             yield _Doubt(
                 key=key, words=f"`{key}` ({length_words(value)}) is not in the usual range ({length_words(least)} to {length_words(most)})",
-                help="check the unit (`mm`, `um`)" if intended is None else f"did you mean `{length_words(intended)}`?",
+                help="check the unit (`mm`, `um`)" if intended is None else f"try `{length_words(intended)}`",
             )
     for key, count, most, some in (
         ("walls", process.walls, WALLS, "2 to 6 lines"), ("top", process.top, LIDS, "3 to 8 layers"),
@@ -94,5 +94,5 @@ def _doubts(process: Process, keys: Collection[str]) -> Iterator[_Doubt]:
         if key in keys and share is not None and 0.0 < share < LEAST_SHARE:
             yield _Doubt(
                 key=key, words=f"`{key}` ({100.0 * share:.6g} %) is below 1 %",
-                help=f"did you mean `{key}: {10_000.0 * share:.6g} %`?",
+                help=f"try `{key}: {10_000.0 * share:.6g} %`",
             )

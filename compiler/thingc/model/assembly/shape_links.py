@@ -150,7 +150,7 @@ def _matter(shape: LinkShape, meshes: Meshes) -> MassProperties:
     if record is None:
         raise MissingDensity("")
     if record.matter is None:
-        raise MissingDensity(f"has the open mesh `{shape.solid.path}`, which has no volume")
+        raise MissingDensity(f"contains the mesh `{shape.solid.path}`, which is not closed and has no volume")
     return record.matter.seen_from(shape.pose)
 
 
@@ -165,7 +165,7 @@ def _weight_of(definition: LinkDefinition, material: Material | None, meshes: Me
     weights = [(density, _matter(shape, meshes)) for shape, density in dense]
     others = [shape for shape in solid_shapes(definition) if shape not in [weighted for weighted, _ in dense]]
     if weights and any(_matter(shape, meshes).mass > 0.0 for shape in others):
-        raise MissingDensity("has both shapes with and without a density")
+        raise MissingDensity("has some shapes without a density")
     return total(matter.with_mass(density * matter.mass) for density, matter in weights)
 
 

@@ -112,7 +112,7 @@ def _image(node: ComponentScope, table: DocumentScope, definition: AssemblyDefin
         name, its = other
         inner = dict(table.all_nodes())[name]
         node.scope.error(
-            Code.MIRROR_AXES, f"the mirror axes of `{node.name}` ({axis}) and its component `{name}` ({its}) are different",
+            Code.MIRROR_AXES, f"`{node.name}` is mirrored along {axis}, and its component `{name}` along {its}",
             (*node.path, "mirror"), help=f"write `mirror: {its}` for `{node.name}`, or `mirror: {axis}` in the nested document",
             notes=[Note(message=f"`{inner.name}` is mirrored here", span=inner.scope.span((*inner.path, "mirror")))],
         )

@@ -51,12 +51,12 @@ def names(table: DocumentScope, scope: Scope) -> Iterator[NameInFiles]:
                     scope.error(code, f"this document has no {what} `{own}`", place, key=True, help=help)
             elif name in TAKEN.get(kind, ()):
                 scope.error(
-                    Code.RESERVED_NAME, f"`{own}` cannot have the reserved name `{name}` in files", place,
+                    Code.RESERVED_NAME, f"`{own}` cannot have the reserved name `{name}` in output files", place,
                     help="choose another name",
                 )
             elif (other := owners.setdefault(name, own)) != own:
                 scope.error(
-                    Code.SAME_NAME, f"`{other}` and `{own}` have the same name `{name}` in files", place,
+                    Code.SAME_NAME, f"`{other}` and `{own}` have the same name `{name}` in output files", place,
                     help="rename one of the two elements",
                     notes=scope.second_note(f"`{other}` is defined here", ("names", kind, other), place),
                 )

@@ -54,7 +54,7 @@ def mass_doubt(mass: float, volume: float) -> Implausible | None:
 
 def density_cure(doubt: Implausible) -> str | None:
     """Return a hint for an implausible density, or None if the intended density is unknown."""
-    return None if doubt.meant is None else f"did you mean `{doubt.meant:.6g} kg/m^3`?"
+    return None if doubt.meant is None else f"try `{doubt.meant:.6g} kg/m^3`"
 
 
 def said_by_file(definition: PartDefinition) -> bool:

@@ -120,14 +120,14 @@ def find_protected(path: tuple[str, ...]) -> tuple[str, str] | None:
     what = f"`raw` cannot set `{attribute}` of {'an' if kind[:1] in 'ae' else 'a'} {kind}"
     instead = SAID_BY.get(kind, "use the keys of the document instead")
     if attribute == "name":
-        return f"{what}, to which other elements refer", instead
+        return f"{what} (other elements refer to the name)", instead
     if attribute in CLASSES:
         return what, f"set the attributes of the {kind} itself, or those of its class under `default:`"
     if attribute in REFERRING:
-        return f"{what}, which refers to another element", instead
+        return f"{what} (a reference to another element)", instead
     if kind == "joint" and attribute in MOTION:
-        return f"{what}, on which poses depend", instead
+        return f"{what} (poses depend on the attribute)", instead
     if kind in ("body", "site") and attribute in PLACE:
         instead = "change `attach:`, `at:`, or the `parent:`, `child:` and `turn:` of the joint" if kind == "body" else "change the mount"
-        return f"{what}, on which poses and other modes depend", instead
+        return f"{what} (poses and modes depend on the attribute)", instead
     return None

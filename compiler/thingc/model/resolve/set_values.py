@@ -169,7 +169,7 @@ def _no_such(document: Document, keys: tuple[str, ...], depth: int, known: Itera
     else:
         help = did_you_mean(key, known, what=keys[0] if depth == 1 else "keys")
     here = f"`{from_top('.'.join(keys[:depth]))}` has" if depth else "an assembly has"
-    return PathNotFound(f"{here} no `{shorten(key)}`", help)
+    return PathNotFound(f"{here} no key `{shorten(key)}`", help)
 
 
 def _incomplete_path_error(path: str, shape: FieldType, node: Node | None) -> PathNotFound | None:

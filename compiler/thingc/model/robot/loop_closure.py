@@ -56,7 +56,7 @@ def closures_of(
         link = assembly.link_of[choice.occurrence]
         if body_of[link] == 0 and stays(mode.base):
             report.add(
-                Code.HOLD, f"`{choice.path}` under `hold` of mode `{mode.name}` is on the root link "
+                Code.HOLD, f"mode `{mode.name}` cannot hold `{choice.path}`, a mount of the root link "
                 f"`{assembly.links[link].name}`", hold.origin, path=choice.path,
                 help="list a mount of another link under `hold`, or remove the mount",
                 notes=[Note(message=f"`{assembly.links[link].name}` is defined here", span=assembly.links[link].origin[0])],

@@ -91,7 +91,7 @@ def _shape_fault(attribute: RawAttribute) -> tuple[str, Hint] | None:
     path = attribute.path
     kind = path[0] if path else ""
     if kind not in KINDS:
-        return f"`{kind}` has no raw attributes in `mjcf`", did_you_mean(kind, KINDS, what="kinds of elements")
+        return f"unknown kind of element `{kind}` in `raw.mjcf`", did_you_mean(kind, KINDS, what="kinds of elements")
     lengths, expected, form = {2, 3}, f"an attribute of `{kind}`", f"{kind}: {{ATTRIBUTE: VALUE}}"
     if kind in NAMED:
         lengths, expected, form = {3}, f"an attribute of one {kind}", f"{kind}: {{NAME: {{ATTRIBUTE: VALUE}}}}"

@@ -57,7 +57,7 @@ def _fault(attribute: RawAttribute, models: Sequence[Prim]) -> Fault | None:
     """Return the reason why the path of a raw attribute is invalid, or None if the path is valid."""
     path = attribute.path
     if path[0] not in KINDS:
-        return f"`{path[0]}` has no raw attributes in `usd`", did_you_mean(path[0], KINDS, what="kinds of prims"), 0
+        return f"unknown kind of prim `{path[0]}` in `raw.usd`", did_you_mean(path[0], KINDS, what="kinds of prims"), 0
     if len(path) != (2 if path[0] == SCENE else 3):
         form = f"{SCENE}: {{ATTRIBUTE: VALUE}}" if path[0] == SCENE else f"{path[0]}: {{NAME: {{ATTRIBUTE: VALUE}}}}"
         return f"`{attribute.dotted}` must be the path of an attribute", f"write `{form}`", 0

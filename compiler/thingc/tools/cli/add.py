@@ -1,6 +1,6 @@
 """Implementation of `thingc add`, which adds a part, assembly, mode, joint or test to a document, and preserves its comments and layout.
 
-Adds a stub that you then edit. If the document would then have errors, nothing is written.
+Adds a stub for you to edit. If the changed document would have errors, nothing is written.
 
   thingc add part Bracket --to rover.yaml --on base.top       add the class Bracket in parts/bracket.py, and a component
   thingc add part links:Bracket                               add only the class, in parts/links.py
@@ -55,7 +55,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("name", metavar="NAME", help="name, part class or document of the new element")
     add("--to", metavar="DOC", help="document to change (optional for parts and assemblies)")
     add("--on", metavar="MOUNT", help="mount to which the new component is attached")
-    add("--by", metavar="MOUNT", help="mount of the new component that is mated with --on")
+    add("--by", metavar="MOUNT", help="mount of the new component to attach (requires --on)")
     add("--at", metavar="MOUNT", help="mount at which the origin of the new component is placed")
     add("--name", metavar="NAME", dest="component", help="name of the new component (default: from the part)")
     add("--param", metavar="NAME=VALUE", action="append", help="parameter of the new component (may be repeated)")

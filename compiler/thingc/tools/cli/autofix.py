@@ -88,7 +88,7 @@ def _say(arguments: argparse.Namespace, diagnostics: Sequence[Diagnostic], mende
         for one in mended:
             console.say(f"{shown_path(one.file)}:{one.line}: fixed `{one.written}` -> `{one.replacement}`")
         if not mended and any(d.fixes for d in diagnostics):
-            console.say("no fixes applied (none is unambiguous and reduces the number of errors)")
+            console.say("no fixes applied: no unambiguous fix reduces the number of errors")
         if diagnostics and (mended or any(d.fixes for d in diagnostics)):
             console.say("")
     console.print_found(diagnostics, arguments.format, stream=sys.stdout, debug=arguments.debug, mended=rows)

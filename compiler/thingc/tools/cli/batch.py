@@ -54,13 +54,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc batch` to the parser."""
     add = parser.add_argument
     add("document", metavar="DOC", help="a variants document (YAML or TOML)")
-    add("-o", "--output", metavar="DIR", help="parent folder of the output folder (default: the workspace's build folder)")
+    add("-o", "--output", metavar="DIR", help="create the output folder in DIR (default: the workspace's build folder)")
     add("--emit", metavar="T", action="append", default=[], help="target to write (may be repeated; default: the targets of the document)")
     add("--limit", metavar="N", type=console.positive, help="build only the first N variants")
     add("--resume", action="store_true", help="continue an interrupted batch")
     add("--retry", action="store_true", help="also retry failed variants (requires --resume)")
     add("--adopt", metavar="ID", help="write the values of a variant to the assembly document")
-    add("--unpack", metavar="ID", help="write the folder of one variant of a packed batch")
+    add("--unpack", metavar="ID", help="extract the folder of one variant from a packed batch")
     add("--dry-run", action="store_true", help="show the variants without building them")
     add(
         "--layout", choices=(FOLDERS, PACKED),
@@ -68,13 +68,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     add("--timeout", metavar="TIME", help="time limit for each variant (default: '10 min')")
     add("--cluster", metavar="ADDRESS", help="address of a Dask or Slurm cluster to build on")
-    add("--ship", action="store_true", help="copy files to and from the cluster (requires --cluster)")
+    add("--ship", action="store_true", help="copy the workspace to the cluster, and the results back (requires --cluster)")
     add(
         "--pictures", metavar="N", type=_pictures,
         help="number of pictures on the HTML page, `none` or `all` (default: 48, or none for more than 200 variants)",
     )
     add("--page-only", action="store_true", help="update only the HTML page of an existing batch")
-    add("--verify", choices=tuple(VERIFY), default="some", help="models to compile with MuJoCo (default: some)")
+    add("--verify", choices=tuple(VERIFY), default="some", help="check some, all or none of the models with MuJoCo (default: some)")
     console.add_format(parser)
     console.add_geometry(parser, jobs="number of variants to build in parallel")
 

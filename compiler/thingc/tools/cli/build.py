@@ -188,7 +188,7 @@ def add_compat(parser: argparse.ArgumentParser) -> None:
 
 def add_building(parser: argparse.ArgumentParser) -> None:
     """Add the options that control the content and the location of the build folder to a parser."""
-    parser.add_argument("-o", "--output", metavar="DIR", help="parent folder of the output folder (default: the workspace's build folder)")
+    parser.add_argument("-o", "--output", metavar="DIR", help="create the output folder in DIR (default: the workspace's build folder)")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="mode to build (may be repeated; default: all modes)")
     add_emit(parser)
     add_compat(parser)

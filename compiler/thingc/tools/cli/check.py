@@ -41,7 +41,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "document", metavar="DOC", nargs="*",
         help="document, robot file (.urdf, .xacro, .sdf, .xml) or folder of documents (default: the working folder)",
     )
-    add("--touched", action="store_true", help="check the documents that the given files affect")
+    add("--touched", action="store_true", help="treat the arguments as changed files, and check the documents they affect")
     console.add_no_code(parser)
     add("--time-limit", metavar="TIME", default="5 s", help="CPU time limit for each document (with --no-code; default: %(default)s)")
     add("--fix", action="store_true", help="apply unambiguous fixes")

@@ -1,7 +1,7 @@
 """Implementation of `thingc collision`, which measures how well the collision shapes of a robot approximate its parts.
 
-For each part, the table shows the largest distance of a point of the part from the collision shapes, the largest distance of a point of the
-shapes from the part, and the volume of the shapes divided by the volume of the part.
+For each part, the table shows how far the part extends beyond its collision shapes, how far the shapes extend beyond the part, and the
+volume of the shapes divided by the volume of the part.
 
   thingc collision assemblies/arm.yaml
   thingc collision assemblies/arm.yaml -o shapes.png         also draw the shapes over the parts
@@ -25,8 +25,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc collision` to the parser."""
     console.add_document(parser)
     formats = ("mjcf", "urdf", "sdf", "usd")
-    parser.add_argument("--target", choices=formats, default="", help="format of the collision shapes (default: all formats)")
-    parser.add_argument("--mode", metavar="M", help="mode of the collision shapes (default: the shapes of modes without their own shapes)")
+    parser.add_argument("--target", choices=formats, default="", help="measure the shapes for this format (default: those for all formats)")
+    parser.add_argument("--mode", metavar="M", help="measure the shapes in this mode (default: those for all modes)")
     parser.add_argument("-o", "--output", metavar="PNG", help="PNG file for a picture of the collision shapes")
     console.add_format(parser)
     console.add_compiling(parser)

@@ -1,7 +1,7 @@
 """Implementation of `thingc diff`, which shows how a change in documents or in part code affects a robot.
 
-Compares robots, not text: components, joints, mates, parameters, modes, poses, materials, tests, and the effects on masses, geometry,
-mounts, the bill of materials and prints, each with its cause. Changes of layout are ignored.
+Compares robots, not text: components, joints, mates, parameters, modes, poses, materials and tests. The output also lists the effects on
+masses, geometry, mounts, the bill of materials and prints, each with its cause. Changes of layout are ignored.
 
   thingc diff HEAD~3                                compare the working tree with a revision: all affected documents
   thingc diff main..HEAD                            compare two revisions, without checking them out

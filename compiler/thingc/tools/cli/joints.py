@@ -1,8 +1,8 @@
 """Implementation of `thingc joints`, which proposes joints between parts that touch, and writes accepted joints into the document.
 
-A joint is proposed where a shaft is in a hole, where faces enclose a part around one direction, and at bolt circles. If the geometry also
-fits another connection, the proposal is ambiguous, and --write accepts it only by its name. Limits are not known: revolute joints become
-`continuous`, and slides get half the length of their faces.
+A joint is proposed where a shaft is in a hole, where faces enclose a part around one direction, and at bolt circles. A proposal is
+ambiguous if the geometry also fits another connection; --write accepts it only if you specify its name. The geometry does not determine
+limits: rotating joints become `continuous`, and sliding joints get half the length of their faces.
 
   thingc joints robot/robot.yaml                          list the proposals
   thingc joints robot/robot.yaml --write                  accept all unambiguous proposals

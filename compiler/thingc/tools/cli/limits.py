@@ -41,7 +41,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("joint", metavar="JOINT", nargs="*", help="joint name or pattern (default: all joints with one coordinate)")
     parser.add_argument("--mode", metavar="M", help="mode of the robot (default: the first mode)")
     parser.add_argument("--pose", metavar="P", help="start pose of the search (default: the pose of the mode)")
-    parser.add_argument("--pairs", action="store_true", help="also check pairs of joints")
+    parser.add_argument("--pairs", action="store_true", help="also move pairs of joints")
     parser.add_argument(
         "--resolution", metavar="SIZE", action="append", default=[],
         help="accuracy of the limits (may be repeated; default: 0.25 deg and 0.1 mm)",

@@ -36,7 +36,7 @@ COMMANDS = {
     "rename": "rename an element in documents and Python code",
     "fmt": "format documents",
     "test": "run the tests in a document",
-    "diff": "show the effect of a change on a robot",
+    "diff": "compare two versions of a robot",
     "same": "check whether two robots are the same mechanism",
     "calibration": "check and convert the calibration of a physical robot",
     "info": "show the masses, links and joints of a robot",
@@ -63,7 +63,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raise `WrongCommandLine` with the error message from argparse."""
-        message = re.sub(r"^argument (\{.*?\}: )?", "", message).replace("the following arguments are required: ", "missing: ")
+        message = re.sub(r"^argument (\{.*?\}: )?", "", message).replace("the following arguments are required:", "the command requires")
         raise _usage_error(message, f"run `{self.prog} --help` for usage")
 
 

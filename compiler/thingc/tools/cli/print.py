@@ -1,9 +1,9 @@
 """Implementation of `thingc print`, which lists the size, supports, walls, mass, filament, time and cost of printed parts.
 
 Overhangs are surfaces that are flatter than 45 degrees; the support is the space below them. The command also tries the directions in which
-the part rests on a large face, and shows the direction with the least support, if it needs less than the present direction. To use
-this direction, write `print: {up: auto}`. Mass, filament, time and cost are those of one piece, without support. To write the print plates,
-use `thingc build DOC --emit 3mf`.
+the part rests on a large face. If a direction needs less support than the current direction, the table shows the best direction. To use
+it, write `print: {up: auto}`. Mass, filament, time and cost are those of one piece, without support. To write the print plates, use
+`thingc build DOC --emit 3mf`.
 
   thingc print assemblies/arm.yaml
 """

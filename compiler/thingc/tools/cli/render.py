@@ -64,7 +64,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--position", metavar="JOINT=POSITION", action="append", default=[], help="position of a joint in the picture (may be repeated)")
     add("-o", "--output", metavar="PNG", help="output file (default: NAME_MODE_POSE.png in the working folder)")
     add("--size", metavar="WxH", type=_size, default=SHOT.size, help="size in pixels (default: 1280x960)")
-    add("--azimuth", metavar="DEG", type=_degrees(360.0), help="horizontal view direction (default: 140, or 40 with a wall)")
+    add("--azimuth", metavar="DEG", type=_degrees(360.0), help="horizontal view direction (default: 140; 40 in a scene with a wall)")
     add("--elevation", metavar="DEG", type=_degrees(90.0), help="vertical view angle (default: -22; 16 in a scene with a ceiling)")
     add("--mounts", action="store_true", help="draw attached, exported and added mounts")
     add("--mounts-of", metavar="COMPONENT", action="append", default=[], help="draw all mounts of this component (may be repeated)")

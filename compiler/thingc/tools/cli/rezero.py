@@ -26,7 +26,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the options of `thingc rezero` to the parser."""
     parser.set_defaults(stdout_errors=True)
     parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
-    parser.add_argument("zero", metavar="JOINT=ZERO", nargs="*", help="new coordinate of the current zero position of a joint")
+    parser.add_argument("zero", metavar="JOINT=ZERO", nargs="*", help="new value of a joint at its current zero position")
     parser.add_argument("--flip", metavar="JOINT", action="append", default=[], help="reverse the direction of a joint (may be repeated)")
     parser.add_argument(
         "--calibration", metavar="FILE", action="append", default=[],

@@ -35,7 +35,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "place", metavar="FOLDER|DOC", nargs="*", default=["."],
         help="document, or folder of documents (default: the working folder)",
     )
-    parser.add_argument("--no-model", action="store_true", help="use only cached parts")
+    parser.add_argument("--no-model", action="store_true", help="do not build parts that are missing from the cache")
     console.add_geometry(parser)
 
 

@@ -47,7 +47,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--by", metavar="NAME,...", type=_split, default=[],
-        help="parameters or paths, separated by commas (default: all numeric parameters)",
+        help="parameters or paths to vary, separated by commas (default: all numeric parameters)",
     )
     parser.add_argument("--mode", metavar="M", help="mode of the robot (default: the first mode)")
     console.add_format(parser)

@@ -53,7 +53,7 @@ def root_of(links: Sequence[SourceLink], attachments: Sequence[Attachment], wher
         names = quote_names([link.name for link in roots], 6)
         report.add(
             Code.SOURCE_TREE, f"the robot has {len(roots)} links without a parent ({names})", roots[1].where,
-            notes=[Note(message="the first link without a parent is here", span=roots[0].where)],
+            notes=[Note(message="a link without a parent is defined here", span=roots[0].where)],
             help="connect the links by a joint, or split the file into one file for each robot",
         )
     return roots[0].name if len(report.diagnostics) == before else None

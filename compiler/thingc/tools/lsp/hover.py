@@ -199,7 +199,7 @@ def _of_pose(analysis: Analysis, name: str) -> str:
     more = f", and {len(values) - 12} more" if len(values) > 12 else ""
     modes = [f"`{mode.name}`" for mode in model.modes if mode.pose == name]
     return f"**{name}**: " + (f"{', '.join(values[:12])}{more}; all other joints at 0." if values else "every joint at 0.") + (
-        f"\n\nModes that start in it: {', '.join(modes)}." if modes else ""
+        f"\n\nModes that start in this pose: {', '.join(modes)}." if modes else ""
     )
 
 

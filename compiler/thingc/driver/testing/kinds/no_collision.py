@@ -63,7 +63,7 @@ def measure(case: TestCase, check: CollisionCheck) -> Outcome:
     if nearest is not None:
         measured["pair"] = names_of(collisions.assembly, nearest.one, nearest.other)
     details = f", {format_count(len(case.frames), 'position')}" if check.ranges and certificate is None else ""
-    details += f", in {missing} more positions the loops do not close" if missing else ""
+    details += f", the loops do not close in {missing} more positions" if missing else ""
     failure: Failure | None = None
     if certificate is not None:
         summary, measured["certificate"] = certificate.summary, certificate.measured
@@ -113,7 +113,7 @@ def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> N
         if check.certify == "references":
             help = "use `certify: true`, or add `align` to the mounts of the joints"
         name, origin = linked.test.name, linked.test.origin
-        report.warn(Code.TEST_EMPTY, f"test `{name}` compares no parts", origin, path=f"tests.{name}", help=help)
+        report.warn(Code.TEST_EMPTY, f"test `{name}` has no parts to compare", origin, path=f"tests.{name}", help=help)
     needed = {number for outcome in outcomes for number in outcome.needed}
     for number, allowance in enumerate(check.allow):
         if number not in needed:
