@@ -275,7 +275,7 @@ def test_part_adds_a_class_and_a_component(document: Path, capsys: pytest.Captur
         ("shelf:Board", "already has a component `board`\n  help: choose another name with --name"),
         ("shelf:Bord", "there is no part `shelf:Bord`\n  help: did you mean `shelf:Board`? Add --new to create a class"),
         ("shelv:Board", "there is no part `shelv:Board`\n  help: did you mean `shelf:Board`?"),
-        ("peg:Peg --on lid.top", "the mounts of `peg:Peg` are unknown without parameters\n  help: specify a mount with --by"),
+        ("peg:Peg --on lid.top", "the mounts of `peg:Peg` depend on its parameters\n  help: specify a mount with --by"),
         ("thingc_stock.wheels:Rim --on lid.top",
          "`thingc_stock.wheels:Rim` has several mounts\n  help: specify one of the mounts with --by (known mounts: "),
     ):

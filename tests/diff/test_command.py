@@ -171,7 +171,7 @@ def test_errors_of_a_revision_are_reported(repository: Path, capsys: pytest.Capt
     (["main..longr"], "there is no revision, document or build folder `longr`", "did you mean `longer`?"),
     (["crane.yaml", "cran.yaml"], "there is no document `cran.yaml`", "did you mean `crane.yaml`?"),
     (["main", "--", "crain.yaml"], "there is no document `crain.yaml` in main or working tree", "did you mean `robots/crane.yaml`?"),
-    (["main", "longer", "HEAD"], "expected two states, found 3 arguments", "write the documents to compare after `--`"),
+    (["main", "longer", "HEAD"], "expected two sides, found 3 arguments", "write the documents to compare after `--`"),
     (["main", "--", "crane.yaml", "--format"], "there is no document `--format` in main or working tree", "known documents:"),
     ([".", "crane.yaml"], "the folder `.` is not a build folder (no manifest.json)", "use a build folder or a document"),
     (

@@ -112,7 +112,7 @@ def test_unknown_components_in_a_path_are_reported() -> None:
     assert said(faults(model, PLATE, CAP)) == [
         ("UNKNOWN_COMPONENT", "`h` (`hand`) has no component `cup`", "did you mean `cap`?", 8),
         ("UNKNOWN_COMPONENT", "`a` has no component `plat`", "did you mean `plate`?", 9),
-        ("UNKNOWN_COMPONENT", "`plate` (`p:Plate`) has no component `x`", "there are no components here", 10),
+        ("UNKNOWN_COMPONENT", "`plate` (`p:Plate`) has no component `x`", "no components are available", 10),
     ]
 
 

@@ -48,7 +48,7 @@ def test_file_size_is_limited(tmp_path: Path, text: str, words: str) -> None:
 @pytest.mark.parametrize(("words", "said"), [
     (["robots/constructs.urdf", "--root", "uper"], "--root: there is no link `uper`\n  help: did you mean `upper`?"),
     (["robots/blcks.urdf"], "no such file or directory\n  help: did you mean `robots/blocks.urdf`?"),
-    (["none.step"], "cannot read `none.step`: no such file or directory\n  help: there are no robot files here"),
+    (["none.step"], "cannot read `none.step`: no such file or directory\n  help: no robot files are available"),
     (["test_wrong.py"], "`test_wrong.py` is not of a supported format: `.urdf`, `.xml`, `.sdf`, `.xacro`"),
     (["robots"], "`robots` is a folder, not a file: `.urdf`, `.xml`, `.sdf`, `.xacro`"),
     (["xacro/bot/urdf/bot.urdf.xacro", "--arg", "armss=3"], "--arg: the file has no argument `armss`\n  help: did you mean `arms`?"),

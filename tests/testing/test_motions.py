@@ -314,7 +314,7 @@ def test_motion_file_passes_through_its_rows(rig: Workspace) -> None:
     ("1,45,0\n", "0.4,45,0\n", 4, 1, "the times of a motion must increase, found 0.4 s after 0.4 s"),
     ("0,0,0\n", "-0.1,0,0\n", 2, 1, "the times of a motion must not be negative, found -0.1 s"),
     ("elbow", "elbw", 1, 21, "there is no joint `elbw`"),
-    (",elbow", "", 1, 1, "columns of the motion are missing"),
+    (",elbow", "", 1, 1, "missing columns: `elbow [deg]`"),
     ("time", "times", 1, 1, "there is no joint `times`"),
     ("45", "190", 4, 3, "the value of `shoulder` (190 deg) is outside its limits (-170 deg to 170 deg)"),
     ("20", "x", 3, 5, "expected a number in the column `shoulder`, found `x`"),

@@ -46,7 +46,7 @@ def test_contributions_of_stretched_bars(rig: Workspace) -> None:
     first, second = answer["diagnostics"]
     assert first["code"] == second["code"] == "TC666"
     assert f"the largest deviation ({1000 * sum(deviations):.4g} mm) exceeds the maximum (1 mm)" in first["message"]
-    assert f"the share of valid robots ({100 * up['measured']['yield']:.4g} %) is below the minimum (99 %)" in first["message"]
+    assert f"the share of robots within tolerance ({100 * up['measured']['yield']:.4g} %) is below the minimum (99 %)" in first["message"]
     share = 100 * (TOLERANCE**2 + (TILT * 0.16) ** 2) / rss**2
     notes = [note["message"] for note in first["notes"]]
     assert notes[0].startswith(f"{100 * (BACKLASH / 2 * 0.16) ** 2 / rss**2:.3g} % from the backlash of `shoulder`")

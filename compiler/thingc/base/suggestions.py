@@ -101,7 +101,7 @@ def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -
     if hint is not None:
         return hint
     if not names:
-        return f"there are no {what} here"
+        return f"no {what} are available"
     return f"known {what}: {quote_names(names, 12)}"
 
 

@@ -318,7 +318,7 @@ def _mount_help(name: str, mounts: Collection[str], document: Instance) -> Hint:
     """
     numbers = sorted(int(mount[len(name) + 1 :]) for mount in mounts if re.fullmatch(rf"{re.escape(name)}_\d+", mount))
     if numbers:
-        return f"use a mount of the list: `{name}_{numbers[0]}`" + (f" to `{name}_{numbers[-1]}`" if len(numbers) > 1 else "")
+        return f"write the number of the mount: `{name}_{numbers[0]}`" + (f" to `{name}_{numbers[-1]}`" if len(numbers) > 1 else "")
     owners = [other for other, child in document.children.items() if child.part is not None and name in child.part.mounts]
     if closest_name(name, mounts) is None and len(owners) == 1:
         return f"{did_you_mean('', mounts, what='mounts')}; or did you mean `{owners[0]}.{name}`?"

@@ -162,7 +162,7 @@ def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | 
     match = _BASE.fullmatch(text.strip())
     if match is None:
         scope.error(
-            Code.REFERENCE, f"a library material must be `bd_materials:NAME`, found `{shorten(text)}`", path,
+            Code.REFERENCE, f"expected a library material `bd_materials:NAME`, found `{shorten(text)}`", path,
             help=f"write, for example, `bd_materials:{shorten(text.strip().rpartition(':')[2]) or 'abs'}`",
         )
         return None

@@ -140,7 +140,7 @@ def _columns(joints: Mapping[CoordinateName, Joint], header: Row) -> dict[str, f
     required = [TIME_COLUMN, *(name for name, joint in joints.items() if name in dimensions and (joint.drive is not None or joint.geared))]
     missing = [f"`{name} [{_UNITS[dimensions[name]]}]`" for name in required if name not in columns]
     if missing:
-        raise _WrongCell("columns of the motion are missing", header[0][1], f"add {', '.join(missing)}")
+        raise _WrongCell(f"missing columns: {', '.join(missing)}", header[0][1], "add the columns to the table")
     return columns
 
 

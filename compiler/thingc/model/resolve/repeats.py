@@ -90,7 +90,7 @@ def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: I
             count = None
         if count is not None and spec.repeat.as_ in set(parameters):
             scope.error(
-                Code.NAME_CLASH, f"the index `{spec.repeat.as_}` is also a parameter of the document", path,
+                Code.NAME_CLASH, f"the index `{spec.repeat.as_}` has the name of a parameter", path,
                 help="rename the index, for example `as: k`", key=True,
                 notes=[Note(message="the parameter is defined here", span=scope.span(("parameters", spec.repeat.as_), key=True))],
             )

@@ -113,7 +113,7 @@ class _Reader:
         of_readings = isinstance(written, Mapping)
         if not of_readings and len(able) > 1:
             self.scope.error(
-                Code.BROKEN_RULE, f"`{key}` of a sensor of type `{self.spec.type}` must specify the quantity", place,
+                Code.BROKEN_RULE, f"`{key}` of a sensor of type `{self.spec.type}` must be a mapping", place,
                 help=f"write, for example, `{key}: {{{next(iter(able))}: ...}}`",
             )
             return {}

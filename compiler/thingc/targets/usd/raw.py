@@ -108,7 +108,7 @@ def _apply(attribute: RawAttribute, prim: Prim) -> Fault | None:
         return f"the type of `{name}` is `{declared.removeprefix('uniform ')}`, not `{type}`", "remove the type", last - 1
     elif _TYPE.fullmatch(type) is None:
         types = ", ".join(f"`{item}`" for item in (*TYPES, "int[]", "float3"))
-        return f"unknown type `{type}` of a raw attribute", f"write one of {types}", last - 1
+        return f"unknown type `{type}` of the attribute `{name}`", f"write one of {types}", last - 1
     literal = _literal(type, value)
     if literal is None:
         return f"expected a value of the type `{type}`, found `{escape_control(attribute.value)}`", _type_help(type), last

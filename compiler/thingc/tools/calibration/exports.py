@@ -52,9 +52,9 @@ def lerobot_motors(calibration: Joints, robot: Robot) -> str:
 def warn_reversed(calibration: Calibration, robot: str, report: Report) -> None:
     """Warn about motors with `sign: -1`, because LeRobot ignores `drive_mode` if `norm_mode` is `degrees`. `robot` is a document."""
     for one in (one for one in calibration.joints if one.sign < 0):
-        message = f"LeRobot moves joint `{one.joint.name}` in the wrong direction, because it ignores `sign: -1`"
+        message = f"LeRobot ignores `sign: -1` and moves joint `{one.joint.name}` in the wrong direction"
         span = calibration.document.span(("joints", str(one.joint.name), "sign"))
-        help = f"reverse it with `thingc rezero {robot} --flip {one.joint.name} --calibration {shown_path(calibration.document.path)}`"
+        help = f"run `thingc rezero {robot} --flip {one.joint.name} --calibration {shown_path(calibration.document.path)}`"
         report.add(Code.COMMAND_LINE, message, span, help=help, severity=Severity.WARNING)
 
 

@@ -99,7 +99,7 @@ def _placed_part(arguments: argparse.Namespace, documents: Documents | None, geo
         if arguments.on is not None and arguments.by is None:
             mount = _sole_mount(reference, list(record.mounts) or ["origin"], "bottom")
     elif isinstance(answer, PartSchema) and definition is None and arguments.on is not None and arguments.by is None:
-        raise console.WrongCommandLine(f"the mounts of `{reference}` are unknown without parameters", "specify a mount with --by")
+        raise console.WrongCommandLine(f"the mounts of `{reference}` depend on its parameters", "specify a mount with --by")
     return DocumentEdit(values={("components", component): {**value, **_placement_keys(arguments, documents.root, component, mount)}})
 
 

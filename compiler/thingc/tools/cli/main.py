@@ -135,13 +135,13 @@ def parse_arguments(command_line: Sequence[str]) -> argparse.Namespace | None:
 
         argument = unknown[0].partition("=")[0]
         kind = "option" if argument.startswith("-") else "argument"
-        of = f" of `thingc {command}`" if command is not None else ""
+        of = f" for `thingc {command}`" if command is not None else ""
         known = {name.lstrip("-"): name for action in (subparser or parser)._actions for name in action.option_strings}
         if command is not None and argument in known.values() and command_line.index(unknown[0]) < command_line.index(command):
             raise _usage_error(f"`{argument}` is an option of `thingc {command}`, not of `thingc`", f"write the option after `{command}`")
         close = nearest(argument.lstrip("-"), known) if kind == "option" else None
         help = f"did you mean `{known[close]}`?" if close else f"run `{(subparser or parser).prog} --help` for usage"
-        raise _usage_error(f"there is no {kind} `{argument}`{of}" if kind == "option" else f"unexpected argument `{argument}`", help)
+        raise _usage_error(f"unexpected {kind} `{argument}`{of}", help)
     if options.version:
         from thingc import __version__
         from thingc.tools.cli import console

@@ -59,17 +59,17 @@ def parse_sides(words: Sequence[str], documents: Sequence[str]) -> ComparisonReq
     """
     words = list(words)
     if len(words) > 2:
-        raise UnknownComparison(f"expected two states, found {len(words)} arguments", "write the documents to compare after `--`")
+        raise UnknownComparison(f"expected two sides, found {len(words)} arguments", "write the documents to compare after `--`")
     if not words:
         words = ["HEAD"]
     sides = [side for word in words for side in _sides(word)]
     if len(sides) > 2:
-        raise UnknownComparison(f"expected two states, found `{' '.join(words)}`", "write `OLD..NEW`, or two arguments")
+        raise UnknownComparison(f"expected two sides, found `{' '.join(words)}`", "write `OLD..NEW`, or two arguments")
     if len(sides) == 1 and sides[0].kind in _FILES and not documents:
         return _make_request([_revision("HEAD"), sides[0]], ())
     if len(sides) == 1:
         if sides[0].kind != "revision":
-            raise UnknownComparison(f"expected two states, found only `{words[0]}`", "write two states, the old state first")
+            raise UnknownComparison(f"expected two sides, found only `{words[0]}`", "write two sides, the old side first")
         sides.append(Side(kind="checkout", name=CHECKOUT))
     return _make_request(sides, documents)
 

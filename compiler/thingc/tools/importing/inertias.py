@@ -107,7 +107,7 @@ def _fault(members: Sequence[tuple[SourceLink, Pose]]) -> str | None:
         return "the mass is 0"
     moments = principal_moments(body.inertia)
     if moments[0] <= 0.0 and max(map(abs, moments)) == 0.0:
-        return "the inertia is 0"
+        return "all moments of inertia are 0"
     fault = physical_fault(body.inertia)
     if fault is None and moments[0] < LEAST_MOMENT:
         return f"the smallest moment ({moments[0]:.3g} kg m^2) is below the minimum of simulators ({LEAST_MOMENT:g} kg m^2)"

@@ -118,7 +118,7 @@ def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> N
     for number, allowance in enumerate(check.allow):
         if number not in needed:
             report.warn(
-                Code.TEST_ALLOWANCE, f"the allowance of {allowance.text} in test `{linked.test.name}` is unused",
+                Code.TEST_ALLOWANCE, f"unused `allow` entry for {allowance.text} in test `{linked.test.name}`",
                 allowance.origin, path=f"tests.{linked.test.name}", help="remove the pair from `allow`",
                 notes=[Note(message=f"reason for the allowance: {allowance.reason}")],
             )

@@ -66,7 +66,7 @@ def measure(case: TestCase, check: StackCheck) -> Outcome:
         share_text = f"{100.0 * share:.4g} % of all robots are within {Quantity(check.within, LENGTH)}"
         summary = f"{summary}; {share_text}"
         if share < check.share:
-            faults.append(("yield", f"the share of valid robots ({100.0 * share:.4g} %) {BELOW} ({100.0 * check.share:g} %)"))
+            faults.append(("yield", f"the share of robots within tolerance ({100.0 * share:.4g} %) {BELOW} ({100.0 * check.share:g} %)"))
     if not faults:
         return Outcome(measured=measured, expected=expected, summary=summary)
     failure = Failure(code=Code.TEST_STACK, key=faults[0][0], message="; ".join(text for _, text in faults), notes=tuple(shares))
