@@ -176,7 +176,7 @@ def modes() -> tuple[LinkedMode, ...]:
     """Modes rooted at each link, with each kind of base."""
     def mode(name: str, occurrence: int, path: str, base: str) -> LinkedMode:
         return LinkedMode(
-            name=name, root=LinkedMount(occurrence=occurrence, mount="origin", path=path), base=base,
+            name=name, root=LinkedMount(occurrence=occurrence, mount="origin", pose=NO_POSE, path=path), base=base,
             at=make_pose((0.1, 0.2, 0.5), (0.3, 0.0, 0.1)), gravity=(0.0, 0.0, -9.81), poses=("start", "home"), actuators=None,
             exclude=(), adhesion={}, simulation={}, origin=(span(60),),
         )

@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from loops.robots import BALL, Array, Built, at_key, compiled
+from thingc.base.pose import make_translation
 from thingc.driver.testing.reach_search import farthest
 from thingc.model.assembly.types import MountAt
 from thingc.model.robot.kinematics import body_poses
@@ -212,6 +213,8 @@ components:
 joints:
   hip: {{type: ball, parent: post.origin, child: stick.origin, limit: {{cone: 30 deg}}}}
 """)
-    distance, q = farthest(made.compilation.robots[0], MountAt(occurrence=1, mount="tip"), MountAt(occurrence=0, mount="far"), ())
+    tip = MountAt(occurrence=1, mount="tip", pose=make_translation(0.0, 0.0, -0.1))
+    far = MountAt(occurrence=0, mount="far", pose=make_translation(0.0, 0.2, 0.0))
+    distance, q = farthest(made.compilation.robots[0], tip, far, ())
     assert distance == pytest.approx(math.hypot(0.2 + 0.1 * 0.5, 0.1 * math.sqrt(0.75)), abs=1e-9)
     assert [q[path] for path in COORDINATES] == pytest.approx([math.radians(30), 0, 0], abs=1e-4)

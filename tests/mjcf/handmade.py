@@ -342,7 +342,7 @@ class Made:
             poses=tuple(NamedPose(name=n, values=q, origins={}, origin=at(60)) for n, q in self.keyframes),
             modes=(),
             adhesions=tuple(
-                Adhesion(path=path, occurrence=paths[occurrence], mount="sole", force=force)
+                Adhesion(path=path, occurrence=paths[occurrence], mount="sole", pose=NO_POSE, force=force)
                 for path, occurrence, force in self.adhesions
             ),
             raw=self.raw,
@@ -364,7 +364,7 @@ class Made:
     def robot(self, assembly: Assembly, name: str = "bench", base: str = "fixed") -> Robot:
         mode = LinkedMode(
             name=name,
-            root=LinkedMount(occurrence=0, mount="origin", path="plate/origin"),
+            root=LinkedMount(occurrence=0, mount="origin", pose=NO_POSE, path="plate/origin"),
             base=base,
             at=NO_POSE,
             gravity=self.gravity,

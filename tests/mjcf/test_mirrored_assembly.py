@@ -149,7 +149,7 @@ def test_left_leg_mirrors_right_leg_at_equal_q(mirrored: Built, axis: str, tmp_p
         mounts = {}
         for one in assembly_of(made).exported:
             part = assembly_of(made).occurrences[one.occurrence]
-            mounts[one.path] = at[part.path] @ np.array(part.mounts[one.mount].pose.rows())
+            mounts[one.path] = at[part.path] @ np.array(one.pose.rows())
         for name in ("top", "tip", "mid"):  # the y axis of a mirrored mount is reversed, also of the origin `mid`
             np.testing.assert_allclose(mounts[f"left/{name}"], across @ mounts[f"right/{name}"] @ across, atol=1e-12, err_msg=name)
     S = own[:3, :3]

@@ -42,7 +42,7 @@ def crawler() -> Assembly:
         *(box(f"p:{name}", mounts=ends) for name in ("front", "body", "rear")),
     )
     magnets = tuple(
-        Adhesion(path=f"{name}/sole", occurrence=number, mount="sole", force=300.0)
+        Adhesion(path=f"{name}/sole", occurrence=number, mount="sole", pose=found.occurrences[number].mounts["sole"].pose, force=300.0)
         for number, name in ((0, "front"), (2, "rear"))
     )
     return driven(replace(found, adhesions=magnets), front=("ankle",))

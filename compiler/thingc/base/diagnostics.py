@@ -13,7 +13,7 @@ from enum import Enum
 from msgspec.structs import force_setattr, replace
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr, format_count
+from thingc.base.one_line_repr import OneLineStruct, format_count
 from thingc.base.safe_text import abbreviate
 from thingc.base.source import Edit, Node, Origin, Span, stands_in
 from thingc.base.suggestions import Hint, Suggestion, text_of
@@ -306,7 +306,7 @@ class Code(Enum):
     TEST_DRIVE = ("TC668", "drive that cannot follow a motion", "Use a stronger or faster drive or more time, or reduce the margin.")
 
 
-class Note(OneLineRepr, FrozenStruct):
+class Note(OneLineStruct):
     """Additional information about a diagnostic, with an optional second location, such as "mount declared here".
 
     `Note` shortens its message in the same way as `Diagnostic`.
@@ -330,7 +330,7 @@ def first_notes(notes: Sequence[Note], limit: int, noun: str) -> list[Note]:
     return [*notes[:limit], *remaining]
 
 
-class Diagnostic(OneLineRepr, FrozenStruct):
+class Diagnostic(OneLineStruct):
     """A diagnostic: an error, a warning or a note about a document, a part or the command line.
 
     `path` is the key path in the document, or the path of the occurrence or joint. `detail` (such as the traceback of a part) is shown only

@@ -9,14 +9,13 @@ from functools import lru_cache
 from msgspec.structs import replace
 
 from thingc.base import numeric
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.pose import Matrix, Pose, Vector, multiply, transpose
 
 ZERO: Matrix = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-class MassProperties(OneLineRepr, FrozenStruct, array_like=True):
+class MassProperties(OneLineStruct, array_like=True):
     """The mass properties of a rigid body: mass [kg], centre of mass [m], and inertia [kg m^2] about the centre, in the axes of a frame."""
 
     mass: float

@@ -30,6 +30,10 @@ class OneLineRepr:
         return _line(self)
 
 
+class OneLineStruct(OneLineRepr, FrozenStruct):
+    """Base class of immutable structs with a `__repr__` in one line."""
+
+
 def format_count(number: int, noun: str) -> str:
     """Format a number with its noun in the singular or plural: `1 document`, `2 documents`, `2 losses`."""
     return f"{number} {noun}{'' if number == 1 else 'es' if noun.endswith(('s', 'sh')) else 's'}"

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
 from thingc.base.numeric import hypot
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.pose import NO_POSE, Matrix, Pose, Vector, dot, transpose
 
 FARTHEST = 1e6
@@ -16,7 +15,7 @@ FARTHEST = 1e6
 PrimitiveShape = Literal["box", "cylinder", "capsule", "sphere", "ellipsoid", "plane"]
 
 
-class Primitive(OneLineRepr, FrozenStruct, array_like=True, tag=True):
+class Primitive(OneLineStruct, array_like=True, tag=True):
     """A geometric primitive, such as a box or a cylinder.
 
     `size` [m] has the same meaning as in MuJoCo. A box has three half sizes. A cylinder or capsule has a radius and the half length of its

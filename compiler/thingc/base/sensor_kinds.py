@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Literal
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.primitives import Primitive
 from thingc.base.source import Origin
 from thingc.base.units import ACCELERATION, ANGULAR_VELOCITY, FORCE, LENGTH, TORQUE, VELOCITY, Dimension
@@ -68,7 +68,7 @@ class SensorKind(FrozenStruct):
         return frozenset(keys)
 
 
-class Measurement(OneLineRepr, FrozenStruct):
+class Measurement(OneLineStruct):
     """The settings of a sensor, which depend on its kind.
 
     `volume` is the sensitive volume of a touch sensor, in the frame of its mount. `fovy` [rad] is the vertical field of view of a camera.

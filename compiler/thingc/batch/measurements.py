@@ -27,7 +27,7 @@ from thingc.base.suggestions import did_you_mean
 from thingc.base.units import Dimension
 from thingc.model.assembly.kinematics import coordinates, joints_of
 from thingc.model.assembly.shape_links import bounding_box
-from thingc.model.assembly.types import Assembly
+from thingc.model.assembly.types import Assembly, MountAt
 from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
@@ -89,11 +89,9 @@ def measure(
     if box is not None:
         results.update({f"box.{axis}": high - low for axis, low, high in zip("xyz", *box)})
     if ends:
-        (a, b), (c, d) = ends
-        points = [(occurrences[a] @ _frame(assembly, a, b)).translation, (occurrences[c] @ _frame(assembly, c, d)).translation]
-        results["reach"] = dist(*points)
-    for name, (occurrence, mount) in mounts.items():
-        position = (occurrences[occurrence] @ _frame(assembly, occurrence, mount)).translation
+        results["reach"] = dist(*((occurrences[end.occurrence] @ end.pose).translation for end in ends))
+    for name, mount in mounts.items():
+        position = (occurrences[mount.occurrence] @ mount.pose).translation
         results.update({f"{name}.{axis}": value for axis, value in zip("xyz", position)})
     if torques and not robot.closures and not lifted_feet(stance(robot, q, bodies).feet):
         efforts = static_efforts(robot, q, bodies, memo)
@@ -169,37 +167,27 @@ def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
     return distances
 
 
-def _mount(assembly: Assembly, text: str) -> tuple[int, str]:
-    """Return the index of the component and the name of the mount for a reference to a mount.
-
-    Raises `UnknownMount` if the mount does not exist.
-    """
+def _mount(assembly: Assembly, text: str) -> MountAt:
+    """Return the mount to which a reference refers. Raises `UnknownMount` if the mount does not exist."""
     names = text.split(".")
     path = "/".join(names)
     for exported in assembly.exported:
         if exported.path == path:
-            return exported.occurrence, exported.mount
+            return exported
     owner = "/".join(names[:-1])
     for occurrence in assembly.occurrences:
         if occurrence.path == owner and names[-1] in occurrence.mounts:
-            return occurrence.index, names[-1]
+            return MountAt(occurrence=occurrence.index, mount=names[-1], pose=occurrence.mounts[names[-1]].pose)
     known = [item.path.replace("/", ".") for item in assembly.exported]
     known += [f"{item.path}.{mount}".replace("/", ".") for item in assembly.occurrences for mount in item.mounts if item.path == owner]
     raise UnknownMount(f"there is no mount `{text}`", did_you_mean(text, known, what="mounts"))
 
 
-def _site(assembly: Assembly, text: str) -> tuple[str, tuple[int, str]]:
-    """Return the name of the result for a reference to a mount, together with the index of the component and the name of the mount.
-
-    The reference can end with a coordinate, as in `hook.z`.
-    """
+def _site(assembly: Assembly, text: str) -> tuple[str, MountAt]:
+    """Return the name of the result for a reference to a mount, and the mount. The reference can end with a coordinate, as in `hook.z`."""
     try:
         return f"{SITE}{text}", _mount(assembly, text)
     except UnknownMount:
         if text[-2:] not in (".x", ".y", ".z"):
             raise
         return f"{SITE}{text[:-2]}", _mount(assembly, text[:-2])
-
-
-def _frame(assembly: Assembly, occurrence: int, mount: str) -> Pose:
-    return assembly.occurrences[occurrence].mounts[mount].pose

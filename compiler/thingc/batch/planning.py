@@ -21,7 +21,7 @@ from typing import Any
 from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Diagnostic
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.units import Dimension, Quantity
 from thingc.batch.axes import Axis
 from thingc.batch.rules import Rule
@@ -90,7 +90,7 @@ class Setting(FrozenStruct):
     choices: Mapping[str, str]
 
 
-class Plan(OneLineRepr, FrozenStruct, dict=True):
+class Plan(OneLineStruct, dict=True):
     """The variants that a variants document specifies, in order.
 
     Iterating over the plan computes the variants one by one, with the same result in each iteration.

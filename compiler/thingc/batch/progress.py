@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from thingc.base.diagnostics import Diagnostic
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr, format_count
+from thingc.base.one_line_repr import OneLineStruct, format_count
 
 
 class Interrupted(Exception):
@@ -19,7 +18,7 @@ class Interrupted(Exception):
         self.count = count
 
 
-class Progress(OneLineRepr, FrozenStruct):
+class Progress(OneLineStruct):
     """The progress of a batch with `count` variants.
 
     `before` is the number of variants that were finished in earlier runs. `counts` maps each status to the number of variants that this run
@@ -42,7 +41,7 @@ class Progress(OneLineRepr, FrozenStruct):
         return (self.count - self.done) / self.rate if self.rate > 0.0 else None
 
 
-class Summary(OneLineRepr, FrozenStruct):
+class Summary(OneLineStruct):
     """The summary of a finished batch.
 
     `statuses` maps each status to a number of variants, and `before` is the number of variants that earlier runs have finished. `modelled`

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.geometry.record import Value
 
 OUTSIDE = "outside:"
 """Prefix of the paths of input files outside the workspace."""
 
 
-class Variant(OneLineRepr, FrozenStruct):
+class Variant(OneLineStruct):
     """A planned variant of a robot. `index` is the position of the variant in the plan, and `id` identifies the settings of the variant.
 
     The id consists of 12 hexadecimal digits of the SHA-256 of the settings. `parameters` and `choices` contain the settings for `thingc

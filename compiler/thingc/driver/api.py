@@ -9,9 +9,8 @@ from typing import Any
 
 from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Diagnostic, Report
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineRepr, OneLineStruct
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options, Printed, with_environment
 from thingc.model.assembly.types import Assembly
@@ -31,7 +30,7 @@ class CompileError(Exception):
         self.diagnostics = tuple(diagnostics)
 
 
-class CompiledMode(OneLineRepr, FrozenStruct):
+class CompiledMode(OneLineStruct):
     """A mode of a compiled robot. `robot` contains the kinematic tree of links and joints in this mode."""
 
     robot: Robot
@@ -64,7 +63,7 @@ class CompiledMode(OneLineRepr, FrozenStruct):
         return mujoco.MjModel.from_xml_string(self.mjcf(), self.assets())
 
 
-class Shown(OneLineRepr, FrozenStruct):
+class Shown(OneLineStruct):
     """An HTML page for display in a frame of a Jupyter notebook. `height` is the height of the frame in pixels."""
 
     page: str

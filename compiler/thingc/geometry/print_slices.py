@@ -10,7 +10,7 @@ from typing import Literal
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.pose import Matrix, Vector, add_scaled
 
 UPRIGHT: Vector = (0.0, 0.0, 1.0)
@@ -50,7 +50,7 @@ slicing.
 """
 
 
-class Moments(OneLineRepr, FrozenStruct):
+class Moments(OneLineStruct):
     """Moments of a body about the origin of the part's frame.
 
     `volume` is in [m^3]. `first` contains the integrals of x, y, z [m^4], and `second` the integrals of their products [m^5].
@@ -93,7 +93,7 @@ class Moments(OneLineRepr, FrozenStruct):
         return MassProperties(mass=v, centre=c, inertia=((yy + zz, -xy, -xz), (-xy, xx + zz, -yz), (-xz, -yz, xx + yy)))
 
 
-class SliceResult(OneLineRepr, FrozenStruct, tag=True):
+class SliceResult(OneLineStruct, tag=True):
     """The moments of the printed material of a part, separately for solid regions and infill lines.
 
     `solid` contains the moments of the solid regions, which do not depend on the infill. `joins` contains the pieces along the walls that

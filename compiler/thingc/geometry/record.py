@@ -13,10 +13,9 @@ from typing import Generic, Literal, Self, TypeVar
 
 from msgspec.structs import replace
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import ZERO
 from thingc.base.interfaces import MatingFeature
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.pose import Matrix, Mirror, Pose, Vector
 from thingc.base.primitives import Primitive
 from thingc.base.units import ANGLE, LENGTH, MASS, NUMBER, Dimension, Quantity
@@ -59,7 +58,7 @@ def format_value(kind: str, value: Value, digits: int = 12) -> str:
     return Quantity(value, DIMENSIONS.get(kind, NUMBER)).format(digits)
 
 
-class ParameterSchema(OneLineRepr, FrozenStruct, array_like=True):
+class ParameterSchema(OneLineStruct, array_like=True):
     """The schema of one parameter of a part. Each parameter is an argument of the part's `__init__`.
 
     A parameter of the kind `choice` has `choices`. `default` is None if the parameter is `required`.
@@ -79,7 +78,7 @@ class ParameterSchema(OneLineRepr, FrozenStruct, array_like=True):
         return format_value(self.kind, value)
 
 
-class PartSchema(OneLineRepr, FrozenStruct):
+class PartSchema(OneLineStruct):
     """The parameters and properties of `module:Class`. `file` and `line` locate the definition of the class."""
 
     reference: str
@@ -120,7 +119,7 @@ FILE_UNIT = "mm"
 """Default unit of the numbers in a mesh file."""
 
 
-class PartDefinition(OneLineRepr, FrozenStruct):
+class PartDefinition(OneLineStruct):
     """A part class with values for all its parameters. Equal definitions become one node of the hierarchical assembly graph (HAG).
 
     `reference` is `module:Class`, or the path in the workspace for a part of `kind` `file`. `parameters` contains every parameter, sorted
@@ -199,7 +198,7 @@ def _format_call(reference: str, arguments: Mapping[str, str]) -> str:
     return f"{reference}({', '.join(f'{name}={value}' for name, value in arguments.items())})" if arguments else reference
 
 
-class MountRecord(OneLineRepr, FrozenStruct):
+class MountRecord(OneLineStruct):
     """A mount of a part: its frame in the part's frame, with z pointing out of the material.
 
     `interface` is the name of the interface, and `features` contains its mating features. `contradictions` describes how the geometry of
@@ -217,7 +216,7 @@ class MountRecord(OneLineRepr, FrozenStruct):
         return replace(self, pose=Mirror(axis).mount(self.pose), features=tuple(feature.mirror_image() for feature in self.features))
 
 
-class MountExpectation(OneLineRepr, FrozenStruct, array_like=True):
+class MountExpectation(OneLineStruct, array_like=True):
     """A part that is expected at a mount. The geometry at the mount `mount` was cut for a part with the definition text `text`. That part
     is mated at its mount `child_mount`.
 
@@ -233,7 +232,7 @@ class MountExpectation(OneLineRepr, FrozenStruct, array_like=True):
 Declared = TypeVar("Declared", float, Vector, Matrix)
 
 
-class DeclaredValue(OneLineRepr, FrozenStruct, Generic[Declared]):
+class DeclaredValue(OneLineStruct, Generic[Declared]):
     """A number, vector or matrix that a Thing declares, and its source (`measured | vendor | estimated | stated`)."""
 
     value: Declared
@@ -244,7 +243,7 @@ DriveType = Literal["position", "velocity", "motor"]
 """The quantity that a drive controls: position, velocity or force."""
 
 
-class ActuatorRecord(OneLineRepr, FrozenStruct):
+class ActuatorRecord(OneLineStruct):
     """The actuator of a Thing in SI units. `sources` contains the source of each number, by the name of its field."""
 
     kind: DriveType
@@ -262,7 +261,7 @@ class ActuatorRecord(OneLineRepr, FrozenStruct):
         return None if self.rotor_inertia is None else self.rotor_inertia * self.gear_ratio * self.gear_ratio
 
 
-class Mesh(OneLineRepr, FrozenStruct, array_like=True, tag=True):
+class Mesh(OneLineStruct, array_like=True, tag=True):
     """A mesh file in the content-addressed store. Simulators can use the mesh as a solid if `closed` is True and `flat` is False."""
 
     sha256: str
@@ -287,7 +286,7 @@ class ImpureInputs(str, Enum):
     LEFT = "left"
 
 
-class PartWarning(OneLineRepr, FrozenStruct, array_like=True):
+class PartWarning(OneLineStruct, array_like=True):
     """A warning for the author of a part, with the line in the part file if known.
 
     `asked` is the kind of the impure input that the part used, or None for any other warning.
@@ -305,7 +304,7 @@ WantedPieces = Mapping[str, tuple[int, ...]]
 NO_PIECES: WantedPieces = {}
 
 
-class PartRecord(OneLineRepr, FrozenStruct):
+class PartRecord(OneLineStruct):
     """All data about a part that the passes use. Lengths are in metres, in the part's own frame.
 
     `volume` [m^3], `area` [m^2], `centre` [m] and `inertia` [m^5, at density 1, about the centre] are exact integrals over the B-rep. For a
@@ -371,7 +370,7 @@ FailureKind = Literal[
 """Ways in which describing or building a part fails. `absent` means that the part is not in the store and there are no workers."""
 
 
-class PartFailure(OneLineRepr, FrozenStruct):
+class PartFailure(OneLineStruct):
     """The reason why a part could not be described or built.
 
     `message` is the message of the exception. `file` and `line` are the location of the error in the part file, with the `column` of a
@@ -393,7 +392,7 @@ NO_PARTS = frozenset({"invalid", "missing", "resultless"})
 """Failure kinds of classes that are not parts. These failures are reported only if a document references the class."""
 
 
-class Placed(OneLineRepr, FrozenStruct):
+class Placed(OneLineStruct):
     """An instance of a part in a STEP assembly, with its name, B-rep, pose and colour (`#rrggbb`).
 
     `/` in the name separates nested groups.
@@ -406,7 +405,7 @@ class Placed(OneLineRepr, FrozenStruct):
     color: str | None
 
 
-class StoredFile(OneLineRepr, FrozenStruct):
+class StoredFile(OneLineStruct):
     """A file in the content-addressed store, such as the result of `assemble`."""
 
     sha256: str

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.batch.families.merged_mesh_model import ModelSource, likeness, merge_models
 from thingc.batch.families.results import NoModel
 from thingc.batch.mujoco_arrays.equality import digest
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
     from thingc.batch.shared_model import Array
 
 
-class Batched(OneLineRepr, FrozenStruct, eq=False):
+class Batched(OneLineStruct, eq=False):
     """A group of settings that share one MuJoCo model, and the arrays with the values that differ between these settings.
 
     `fields` maps the name of a field of `MjModel` (`body_mass`; `opt.gravity` for an option) to an array for `thingc.batch.apply`. The
@@ -43,7 +42,7 @@ class Batched(OneLineRepr, FrozenStruct, eq=False):
         return put_warp(self.model, self.fields)
 
 
-class Batches(OneLineRepr, FrozenStruct):
+class Batches(OneLineStruct):
     """The groups into which a list of settings was divided.
 
     `groups` contains groups of settings that share a model, and `refused` maps indices to settings without a model. The groups are ordered

@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from thingc.base.diagnostics import Diagnostic, Severity
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.suggestions import did_you_mean
 from thingc.batch.results import UnknownVariant
 from thingc.driver.testing.outcomes import Result as TestResult
 
 
-class Evaluated(OneLineRepr, FrozenStruct):
+class Evaluated(OneLineStruct):
     """The results of a robot for one set of settings.
 
     `results` maps names of results, such as `mass`, `centre.x`, `reach`, `length.elbow` or `torque_margin`, to values in SI units, as in
@@ -51,7 +50,7 @@ class Evaluated(OneLineRepr, FrozenStruct):
         raise UnknownVariant(f"there is no result `{name}`", did_you_mean(str(name), self.results, what="results"))
 
 
-class NoModel(OneLineRepr, FrozenStruct):
+class NoModel(OneLineStruct):
     """The result for settings that have no MuJoCo model.
 
     A `NoModel` object is false in a boolean context. `problems` contains all diagnostics for the settings.
@@ -72,7 +71,7 @@ class NoModel(OneLineRepr, FrozenStruct):
         return f"NoModel({dict(self.settings)}: {self.reason})"
 
 
-class Explanation(OneLineRepr, FrozenStruct):
+class Explanation(OneLineStruct):
     """Explains how the MuJoCo models of a mode depend on one number in the document.
 
     `way` is the method by which a model for another value of the number is computed. For the method `arrays`, the number is written into

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import NUMBER, Quantity
 from thingc.batch.axes import Axis
@@ -15,7 +14,7 @@ from thingc.documents.expressions.evaluation import ExpressionValue, plain
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 
 
-class SpaceDimension(OneLineRepr, FrozenStruct):
+class SpaceDimension(OneLineStruct):
     """A dimension of a search space, which is either a number between `low` and `high`, or one of `choices`.
 
     `low` and `high` are in SI units (`unit`). `low` or `high` is None if the number does not have this bound. If `whole` is true, the

@@ -9,8 +9,7 @@ from math import nan
 
 import numpy as np
 
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.source import ScalarNode, Span
 from thingc.base.units import Dimension, Quantity
 from thingc.batch.families.function import FamilyFunction, NotDifferentiable
@@ -19,7 +18,7 @@ from thingc.batch.rules import dimension_of
 from thingc.batch.values import unit_in
 
 
-class Sensitivity(OneLineRepr, FrozenStruct):
+class Sensitivity(OneLineStruct):
     """The `derivative` of the result `result` by one number in the document, in SI units.
 
     `error` is an estimate of the error of the derivative, which is 0 for an exact derivative. `value` is the value of the result, and

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import ConfigDict, Field
 
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.units import LENGTH
 from thingc.documents.checks.kind import CheckKind
 from thingc.documents.spec.base import Model, optional, rule
@@ -52,7 +51,7 @@ class CentreTest(Model):
     """Bounds on the coordinates of the centre of mass in that frame."""
 
 
-class CentreCheck(OneLineRepr, FrozenStruct):
+class CentreCheck(OneLineStruct):
     """A parsed `centre` test. The test requires the centre of mass of the named components, or of the whole robot, to be in a box.
 
     `box["x"]` contains the smallest and the largest x coordinate [m] of the centre of mass.

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.units import LENGTH
 from thingc.documents.checks.kind import CheckKind
 from thingc.documents.spec.base import Model, optional
@@ -36,7 +35,7 @@ class GroundClearanceTest(Model):
     )
 
 
-class GroundClearance(OneLineRepr, FrozenStruct):
+class GroundClearance(OneLineStruct):
     """A parsed `ground_clearance` test.
 
     The test requires parts to be at least `least` [m] above the plane z = `plane` [m] in the world. Parts of the components in `spared` are

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.units import MASS
 from thingc.documents.checks.kind import BOUNDED, CheckKind, require_bounds
 from thingc.documents.spec.base import Model
@@ -35,7 +34,7 @@ class MassTest(Model):
         require_bounds(self.min, self.max, "mass", "max: 2.2 kg")
 
 
-class MassCheck(OneLineRepr, FrozenStruct):
+class MassCheck(OneLineStruct):
     """A parsed `mass` test. The test requires the mass [kg] of the named components, or of the whole robot, to be within bounds."""
 
     of: tuple[Reference, ...]

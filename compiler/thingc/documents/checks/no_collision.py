@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from pydantic import ConfigDict, Field
 
 from thingc.base.diagnostics import Code
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.source import Origin
 from thingc.base.units import ANGLE, LENGTH, NUMBER
 from thingc.documents.checks.kind import CheckKind
@@ -73,7 +72,7 @@ class NoCollisionTest(Model):
                 raise rule(f"`{key}` requires `joints`", f"remove `{key}`, or add, for example, `joints: {{elbow: all}}`")
 
 
-class AllowedContact(OneLineRepr, FrozenStruct):
+class AllowedContact(OneLineStruct):
     """Pairs of components that may touch: every component in `one` and every component in `other`.
 
     `text` is the display name of the pairs.
@@ -86,7 +85,7 @@ class AllowedContact(OneLineRepr, FrozenStruct):
     origin: Origin
 
 
-class CollisionCheck(OneLineRepr, FrozenStruct):
+class CollisionCheck(OneLineStruct):
     """A parsed `no_collision` test.
 
     The test requires that no components overlap, and that components on links without a common joint are at least `clearance` [m] apart. If

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import ConfigDict, Field
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import radians
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.pose import Vector
 from thingc.base.units import ANGLE, LENGTH
 from thingc.documents.checks.kind import CheckKind, read_direction
@@ -50,7 +49,7 @@ class PointTest(Model):
             raise rule("`angle` requires `direction`", "write, for example, `direction: [0, 0, -1]`")
 
 
-class PointCheck(OneLineRepr, FrozenStruct):
+class PointCheck(OneLineStruct):
     """A parsed `point` test. The test requires the distance of the mount from `point` [m] to be at most `within` [m].
 
     If `direction` (a unit vector) is set, the angle between the z axis of the mount and `direction` must be at most `angle` [rad].

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.units import LENGTH
 from thingc.documents.checks.kind import BOUNDED, CheckKind, require_bounds
 from thingc.documents.spec.base import Model
@@ -36,7 +35,7 @@ class ReachTest(Model):
         require_bounds(self.min, self.max, "reach", "min: 300 mm")
 
 
-class ReachCheck(OneLineRepr, FrozenStruct):
+class ReachCheck(OneLineStruct):
     """A parsed `reach` test.
 
     The test requires the largest distance [m] between the mounts `of` and `base`, over the ranges of all joints, to be within bounds.

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.units import LENGTH, TIME
 from thingc.documents.checks.kind import CheckKind
 from thingc.documents.spec.base import Model, optional
@@ -47,7 +46,7 @@ class SettlesTest(Model):
     """Whether to add the floor of the mode's scene (the plane z = 0 of the world)."""
 
 
-class SettleCheck(OneLineRepr, FrozenStruct):
+class SettleCheck(OneLineStruct):
     """A parsed `settles` test.
 
     The test requires every point of every link to stay within `drift` [m] of its final position for `hold` [s], beginning at the time

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field
 
 from thingc.base.diagnostics import Code
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.pose import Vector
 from thingc.base.units import LENGTH, NUMBER
 from thingc.documents.checks.kind import CheckKind, read_direction
@@ -51,7 +50,7 @@ class StackTest(Model):
             raise rule("a `stack` test requires `worst`, `rss`, or `within` and `yield`", "write, for example, `rss: 0.5 mm`")
 
 
-class StackCheck(OneLineRepr, FrozenStruct):
+class StackCheck(OneLineStruct):
     """A parsed `stack` test of the deviation of the mount `of` from the mount `base`.
 
     `along` is a unit vector in the frame of `base`. The bounds `worst`, `rss` and `within` are in metres, and `share` is between 0 and 1.

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 from pydantic import Field
 
 from thingc.base.diagnostics import Code, make_notes
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.units import NUMBER
 from thingc.documents.checks.kind import CheckKind
 from thingc.documents.spec.base import Model, optional
@@ -36,7 +35,7 @@ class TorqueMarginTest(Model):
     """The smallest allowed margin. For example, 1.5 requires an effort limit of 1.5 times the static torque."""
 
 
-class TorqueCheck(OneLineRepr, FrozenStruct):
+class TorqueCheck(OneLineStruct):
     """A parsed `torque_margin` test.
 
     The test requires the effort limit of each drive of `joints` (paths) to be at least `minimum` times its static effort.

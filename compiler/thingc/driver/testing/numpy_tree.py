@@ -74,9 +74,7 @@ class NumpyTree:
 
     def mount(self, mount: MountAt) -> tuple[int, Pose]:
         """Return the index of the body that contains a mount, and the pose of the mount in the frame of the body."""
-        assembly = self.robot.assembly
-        pose = self._in_link[mount.occurrence] @ assembly.occurrences[mount.occurrence].mounts[mount.mount].pose
-        return self._body_of[assembly.link_of[mount.occurrence]], pose
+        return self._body_of[self.robot.assembly.link_of[mount.occurrence]], self._in_link[mount.occurrence] @ mount.pose
 
     def jacobian(self, body: int | None, point: Array, q: Mapping[str, float], poses: tuple[Pose, ...]) -> Array:
         """Return the Jacobian `(6, n)` of a point of a body: three rows for the linear velocity, then three rows for the angular velocity.

@@ -6,16 +6,15 @@ import hashlib
 import os
 from collections.abc import Callable
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.pose import Vector
 from thingc.documents.load.paths import libraries
 from thingc.geometry.record import Mesh
 from thingc.geometry.store.file_digests import digest_of
 
 
-class MeshFile(OneLineRepr, FrozenStruct):
+class MeshFile(OneLineStruct):
     """A mesh file of the workspace.
 
     `path` is the path of the file in the workspace, `folder` is the absolute path of its folder, and `sha256` is the digest of its
@@ -65,14 +64,14 @@ def mesh_file(absolute: str, path: str, scale: Vector, digest: Callable[[str], s
     )
 
 
-class MeshPiece(OneLineRepr, FrozenStruct, array_like=True):
+class MeshPiece(OneLineStruct, array_like=True):
     """The triangles of one colour (`#rrggbb`, `#rrggbbaa`; None if the file does not specify a colour)."""
 
     mesh: Mesh
     color: str | None
 
 
-class MeshRecord(OneLineRepr, FrozenStruct):
+class MeshRecord(OneLineStruct):
     """The contents of a mesh file [m] after the scale, the unit and the up axis of the file are applied.
 
     `mesh` is the whole mesh, as an OBJ file in the store. `pieces` contains the visual meshes, one for each colour. `matter` is the solid

@@ -6,8 +6,7 @@ from typing import Literal
 
 from msgspec.structs import replace
 
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.geometry.record import PartDefinition
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Reference
@@ -16,7 +15,7 @@ DefinitionKind = Literal["assembly", "part", "file", "link", "frame"]
 """Kind of a node of the hierarchical assembly graph (HAG)."""
 
 
-class Definition(OneLineRepr, FrozenStruct):
+class Definition(OneLineStruct):
     """A node of the hierarchical assembly graph: a definition of a part, a link or an assembly.
 
     `text` and `reference` together identify the definition. `reference` is `module:Class`, a file, or the path of a document in the
@@ -45,7 +44,7 @@ class Definition(OneLineRepr, FrozenStruct):
         return cls(text=definition.text, label=definition.label, reference=reference, kind=kind, mirror=definition.mirror, plain=plain)
 
 
-class DefinitionEdge(OneLineRepr, FrozenStruct):
+class DefinitionEdge(OneLineStruct):
     """An edge of the hierarchical assembly graph: the definition `parent` has a component `component` with the definition `child`.
 
     `parent` and `child` are the texts of the two definitions. `mounts` describes how the component is placed (`back -> plate.servo_seat`).
@@ -59,7 +58,7 @@ class DefinitionEdge(OneLineRepr, FrozenStruct):
     joint: str | None
 
 
-class Hag(OneLineRepr, FrozenStruct):
+class Hag(OneLineStruct):
     """The hierarchical assembly graph of a robot. The graph is acyclic. Its nodes are distinct definitions in depth-first order."""
 
     root: str

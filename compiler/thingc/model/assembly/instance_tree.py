@@ -12,13 +12,13 @@ from typing import Any
 
 from thingc.base.diagnostics import Code, Note, make_notes
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.pose import Mirror, Pose
+from thingc.base.pose import Mirror
 from thingc.base.source import Origin
 from thingc.base.suggestions import Hint, closest_name, did_you_mean
 from thingc.model.assembly.hag import Definition
 from thingc.model.assembly.part_instances import PartInstances, bom_of
 from thingc.model.assembly.report import LinkReport
-from thingc.model.assembly.types import MIRRORED_ORIGIN, MountAt, PartInstance, Unit
+from thingc.model.assembly.types import MountAt, PartInstance, Unit
 from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Component, ExtraMount, Reference
 
 
@@ -76,30 +76,16 @@ class Instance:
             waiting.extend(reversed(instance.children.values()))
 
 
-class FoundMount(MountAt):
-    """The result of finding a mount: its occurrence, its name, and its pose in the frame of the occurrence."""
-
-    pose: Pose
-
-    @property
-    def name(self) -> str:
-        """The name of the mount in the document."""
-        return "origin" if self.mount == MIRRORED_ORIGIN else self.mount
-
-
 class _Fault(FrozenStruct):
-    """The reason why the target of a reference was not found. If `silent` is True, the cause has already been reported."""
+    """The reason why the target of a reference was not found. If the message is empty, the cause has already been reported."""
 
-    code: Code = Code.INCOMPLETE
+    code: Code = Code.UNKNOWN_MOUNT
     message: str = ""
     help: Hint = ""
     notes: tuple[Note, ...] = ()
-    silent: bool = False
 
 
-_SILENT = _Fault(silent=True)
-_OTHER_AXES = ("x", "z")
-"""Axes of mirror images in which the mirrored mount `origin` differs from the frame of its component."""
+_SILENT = _Fault()
 
 
 def unplaced_components(definition: AssemblyDefinition) -> list[str]:
@@ -169,11 +155,6 @@ class Tree:
 
     def _add_mounts(self) -> None:
         for instance, definition in self.assemblies:
-            if definition.mirror in _OTHER_AXES:
-                origin = ExtraMount(pose=Mirror(definition.mirror).origin, origin=instance.origin)
-                for inner in instance.occurrences():
-                    if inner.index is not None:
-                        self.added.setdefault(inner.index, {})[MIRRORED_ORIGIN] = origin
             component = instance.component
             if component is None:
                 continue
@@ -187,23 +168,23 @@ class Tree:
                 elif instance.index is not None:
                     self.added.setdefault(instance.index, {})[f"{instance.path}/{name}"] = extra
 
-    def find(self, instance: Instance, reference: Reference) -> FoundMount | None:
+    def find(self, instance: Instance, reference: Reference) -> MountAt | None:
         """Find the mount to which a reference in the document of `instance` refers.
 
         If the reference is invalid, report an error and return None.
         """
-        place: FoundMount | Instance | _Fault = self._walk(instance, reference.path)
+        place: MountAt | Instance | _Fault = self._walk(instance, reference.path)
         if isinstance(place, Instance):
             place = self._mount(place, reference.mount or "origin", ".".join(reference.path), instance)
-        if isinstance(place, FoundMount):
+        if isinstance(place, MountAt):
             return place
         self._report_fault(place, reference, instance)
         return None
 
-    def find_mount(self, instance: Instance, name: str) -> FoundMount | None:
+    def find_mount(self, instance: Instance, name: str) -> MountAt | None:
         """Return the mount `name` of a part, or the mount that an assembly exports as `name`. Return None if the mount does not exist."""
         mount = self._mount(instance, name, "", self.top)
-        return mount if isinstance(mount, FoundMount) else None
+        return mount if isinstance(mount, MountAt) else None
 
     def component(self, instance: Instance, reference: Reference) -> Instance | None:
         """Find the component to which a reference refers.
@@ -231,7 +212,7 @@ class Tree:
         self.findings.incomplete = True
         # A `repeat` or a nested document that is used twice creates many references from one line, but the line is reported once.
         place = (fault.code, re.sub(r"\d+", "#", reference.text), reference.origin[:1])
-        if not fault.silent and place not in self._reported:
+        if fault.message and place not in self._reported:
             self._reported.add(place)
             self.findings.error(
                 fault.code, fault.message, reference.origin + instance.origin, help=fault.help, notes=fault.notes + _repeat_note(reference),
@@ -252,19 +233,15 @@ class Tree:
             instance = child
         return instance
 
-    def _mount(self, instance: Instance, name: str, label: str, document: Instance) -> FoundMount | _Fault:
+    def _mount(self, instance: Instance, name: str, label: str, document: Instance) -> MountAt | _Fault:
         """Find a mount of an instance by name: a mount of a part, an exported or added mount of an assembly, or `origin`.
 
         `label` is the name of the instance in `document`, for messages. If an exported mount is invalid, the error is reported at the
         export, and not at each reference to the mount.
         """
-        visited: set[tuple[str, str]] = set()
         exported, within = False, document.assembly
         while instance.assembly is not None:
             definition = instance.assembly
-            if (instance.path, name) in visited:
-                return _Fault(message=f"the mount `{name}` of `{definition.label}` refers to itself", help="use a mount of a component")
-            visited.add((instance.path, name))
             component = instance.component
             if name == "origin":
                 if instance.base is None:
@@ -273,7 +250,7 @@ class Tree:
             elif component is not None and name in component.mounts and name not in definition.mounts:
                 if instance.index is None:
                     return _SILENT
-                return FoundMount(occurrence=instance.index, mount=f"{instance.path}/{name}", pose=component.mounts[name].pose)
+                return MountAt(occurrence=instance.index, mount=f"{instance.path}/{name}", pose=component.mounts[name].pose)
             elif name in definition.mounts:
                 reference = definition.mounts[name]
                 place = self._walk(instance, reference.path)
@@ -289,9 +266,10 @@ class Tree:
                     help=_mount_help(name, [*definition.mounts, *added, "origin"], document), notes=_exports_note(definition),
                 )
         if instance.part is not None and instance.index is not None and name in instance.part.mounts:
-            if within is not None and within.mirror in _OTHER_AXES and name == "origin":
-                return FoundMount(occurrence=instance.index, mount=MIRRORED_ORIGIN, pose=Mirror(within.mirror).origin)
-            return FoundMount(occurrence=instance.index, mount=name, pose=instance.part.mounts[name].pose)
+            pose = instance.part.mounts[name].pose
+            if name == "origin" and within is not None and within.mirror is not None:
+                pose = Mirror(within.mirror).origin
+            return MountAt(occurrence=instance.index, mount=name, pose=pose)
         return _SILENT if exported else _no_mount(instance, name, label, document)
 
 

@@ -19,11 +19,11 @@ from thingc.base.memo import Memo
 from thingc.base.pose import IDENTITY, MATE, NO_POSE, Pose, make_translation, turned_x
 from thingc.base.source import Origin
 from thingc.model.assembly.drives import joint_edge, stated_edge
-from thingc.model.assembly.instance_tree import FoundMount, Instance, Tree, unplaced_components
+from thingc.model.assembly.instance_tree import Instance, Tree, unplaced_components
 from thingc.model.assembly.kinematics import on_loops
 from thingc.model.assembly.links import rigid_groups
 from thingc.model.assembly.report import LinkReport
-from thingc.model.assembly.types import JointEdge, Link, Mate
+from thingc.model.assembly.types import JointEdge, Link, Mate, MountAt
 from thingc.model.resolve.types import AssemblyDefinition, At, Attach, Component, Joint, Reference
 
 UPSIDE_DOWN = turned_x(math.pi)
@@ -48,7 +48,6 @@ def mates_of(tree: Tree, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
         if id(definition) not in checked:
             checked.add(id(definition))
             _check_cycles(instance, definition, tree.findings)
-            _check_bases(instance, definition, tree.findings)
         for reference in definition.loose:
             tree.find(instance, reference)  # resolve both ends, so that both invalid references are reported
         for component in definition.components:
@@ -137,7 +136,7 @@ def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[L
             )
 
 
-def _mate(parent: FoundMount, child: FoundMount, attach: Attach | Joint, joints: tuple[JointEdge, ...], origin: Origin, path: str) -> Mate:
+def _mate(parent: MountAt, child: MountAt, attach: Attach | Joint, joints: tuple[JointEdge, ...], origin: Origin, path: str) -> Mate:
     axis = attach.axis if isinstance(attach, Joint) else None
     X_PJ, X_JC = parent.pose, child.pose.inverse() if axis is not None else MATE @ child.pose.inverse()
     if isinstance(attach, Joint) and attach.pose != NO_POSE:
@@ -149,16 +148,16 @@ def _mate(parent: FoundMount, child: FoundMount, attach: Attach | Joint, joints:
     if isinstance(attach, Joint) and attach.mirrored:
         X_PJ, X_JC = X_PJ @ UPSIDE_DOWN, UPSIDE_DOWN @ X_JC
     return Mate(
-        parent=parent.occurrence, child=child.occurrence, parent_mount=parent.name, child_mount=child.name, X_PJ=X_PJ, X_JC=X_JC,
+        parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount=child.mount, X_PJ=X_PJ, X_JC=X_JC,
         joints=joints, origin=origin, name=path if joints or attach.keep else None,
         loop=path if isinstance(attach, Joint) and attach.loop else None, keep=attach.keep,
         base=isinstance(attach, Joint) and attach.base,
     )
 
 
-def _mate_at_pose(parent: FoundMount, child: FoundMount, pose: Pose, origin: Origin, path: str | None) -> Mate:
+def _mate_at_pose(parent: MountAt, child: MountAt, pose: Pose, origin: Origin, path: str | None) -> Mate:
     return Mate(
-        parent=parent.occurrence, child=child.occurrence, parent_mount=parent.name, child_mount="origin",
+        parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount="origin",
         X_PJ=parent.pose @ pose, X_JC=child.pose.inverse(), joints=(), origin=origin, name=path, keep=path is not None,
     )
 
@@ -200,18 +199,3 @@ def _check_cycles(instance: Instance, definition: AssemblyDefinition, findings: 
                 ", or add `loop: true` to a joint that closes a loop" if jointed & set(cycle) else ""
             ), notes=[note for member in cycle[1:MAX_CYCLE] for note in make_notes(f"`{member}` is placed here", placements[member][1])],
         )
-
-
-def _check_bases(instance: Instance, definition: AssemblyDefinition, findings: LinkReport) -> None:
-    """Report an assembly with two or more components that are not placed.
-
-    For most documents, the pass `resolve` has already reported such components.
-    """
-    bases = unplaced_components(definition)
-    if len(bases) < 2 or findings.earlier:
-        return
-    first, second = (instance.children[name] for name in bases[:2])
-    findings.error(
-        Code.TWO_BASES, f"expected one base component, found `{bases[0]}` and `{bases[1]}`", second.origin, path=second.path,
-        help=f"place `{bases[1]}` with `attach`, `at` or a joint", notes=make_notes(f"`{bases[0]}` is defined here", first.origin),
-    )

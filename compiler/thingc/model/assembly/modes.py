@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 
-from msgspec.structs import replace
+from msgspec.structs import asdict, replace
 
 from thingc.base.diagnostics import Code, make_notes
 from thingc.base.numeric import hypot, isfinite, maximum
@@ -37,7 +37,7 @@ def exported_of(tree: Tree) -> Iterator[ExportedMount]:
             mount = tree.find(instance, reference)
             if mount is not None:
                 origin = reference.origin + instance.origin
-                yield ExportedMount(path=instance.within(name), occurrence=mount.occurrence, mount=mount.mount, origin=origin)
+                yield ExportedMount(**asdict(mount), path=instance.within(name), origin=origin)
 
 
 def modes_of(tree: Tree, occurrences: Sequence[Occurrence], link_of: Sequence[int]) -> tuple[LinkedMode, ...]:
@@ -135,7 +135,7 @@ def mount_of(tree: Tree, instance: Instance, reference: Reference) -> LinkedMoun
     mount = tree.find(instance, reference)
     if mount is None:
         return None
-    return LinkedMount(path=instance.within(_path(reference)), occurrence=mount.occurrence, mount=mount.mount)
+    return LinkedMount(**asdict(mount), path=instance.within(_path(reference)))
 
 
 def _path(reference: Reference) -> str:
@@ -161,7 +161,7 @@ def adhesions_of(tree: Tree) -> tuple[Adhesion, ...]:
             mount = tree.find(tree.top, reference)
             path = _path(reference)
             if mount is not None and (path not in largest or force > largest[path].force):
-                largest[path] = Adhesion(path=path, occurrence=mount.occurrence, mount=mount.mount, force=force)
+                largest[path] = Adhesion(**asdict(mount), path=path, force=force)
     return tuple(largest.values())
 
 

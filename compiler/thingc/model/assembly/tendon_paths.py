@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import acos, dist, hypot, maximum, minimum, pi, sqrt, sum_of
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.pose import Pose, Vector, cross, dot
 from thingc.model.assembly.types import LinkedMount, TendonStep
 
@@ -20,7 +19,7 @@ TINY = 1e-15
 """Lengths [m] below this value count as 0. The value is `mjMINVAL` of MuJoCo."""
 
 
-class TendonSpan(OneLineRepr, FrozenStruct):
+class TendonSpan(OneLineStruct):
     """A straight segment of a tendon between two points. Each point is fixed to the part of a mount.
 
     The length of the segment, divided by `divisor`, is a part of the length of the tendon.
@@ -36,7 +35,7 @@ class TendonSpan(OneLineRepr, FrozenStruct):
         return dist(*self.points)
 
 
-class TendonCourse(OneLineRepr, FrozenStruct):
+class TendonCourse(OneLineStruct):
     """The length of a tendon [m], and its straight segments, which pull on the parts at their ends."""
 
     length: float

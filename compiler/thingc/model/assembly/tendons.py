@@ -93,7 +93,7 @@ def set_rest_length(
     """
     if not tendon.steps:
         return tendon
-    at = {mount.path: rest[mount.occurrence] @ occurrences[mount.occurrence].mounts[mount.mount].pose for mount in tendon.mounts}
+    at = {mount.path: rest[mount.occurrence] @ mount.pose for mount in tendon.mounts}
     for step in tendon.steps:
         if step.mount is not None and step.side is not None and step.radius is not None:
             x, y, z = at[step.mount.path].inverse().apply(at[step.side.path].translation)

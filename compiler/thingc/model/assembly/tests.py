@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.documents.checks import kinds
-from thingc.model.assembly.instance_tree import FoundMount, Tree
+from thingc.model.assembly.instance_tree import Tree
 from thingc.model.assembly.types import JointEdge, LinkedTendon, LinkedTest, MountAt
 from thingc.model.resolve.types import Reference
 
@@ -23,7 +23,7 @@ def tests_of(tree: Tree, joints: Sequence[JointEdge | LinkedTendon]) -> Iterator
         if link is not None:
             link(test, test.check, by_path, tree.findings)
         if None not in found.values():
-            mounts = {one: MountAt(occurrence=at.occurrence, mount=at.mount) for one, at in found.items() if isinstance(at, FoundMount)}
+            mounts = {one: mount for one, mount in found.items() if isinstance(mount, MountAt)}
             components = {one: members for one, members in found.items() if isinstance(members, tuple)}
             yield LinkedTest(test=test, mounts=mounts, components=components)
 

@@ -8,11 +8,10 @@ from msgspec.structs import asdict, replace
 
 from thingc.base.diagnostics import Note
 from thingc.base.export_names import JointPath, LinkPath, SensorPath, SitePath, TendonPath
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties, total
 from thingc.base.joints.twist import Twist
 from thingc.base.numeric import sum_of
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.base.primitives import Primitive
 from thingc.base.sensor_kinds import Measurement
@@ -24,7 +23,7 @@ from thingc.model.resolve import types as resolved
 from thingc.model.resolve.coordinates import Coordinate, DriveValues
 
 
-class Surface(OneLineRepr, FrozenStruct):
+class Surface(OneLineStruct):
     """A shape of a component for display or collision.
 
     `solid` is placed at `pose` in the frame of the component, with a material and a colour. `color` is `#rrggbb` or `#rrggbbaa`, or None
@@ -46,7 +45,7 @@ class Surface(OneLineRepr, FrozenStruct):
     origin: Origin = ()
 
 
-class Listed(OneLineRepr, FrozenStruct):
+class Listed(OneLineStruct):
     """The geometry of a link whose shapes are listed in the document, in the frame of the link.
 
     `drawn` contains the shapes for display, `touching` the shapes for collision, and `solids` the shapes that determine the mass. `box` is
@@ -59,7 +58,7 @@ class Listed(OneLineRepr, FrozenStruct):
     box: tuple[Vector, Vector] | None
 
 
-class PartInstance(OneLineRepr, FrozenStruct):
+class PartInstance(OneLineStruct):
     """A component that is a part, a link or a frame. `record` is set for a part, and `listed` for a link.
 
     The mass `properties` and the `mounts` (including `origin`) are in the frame of the component. `mass_source` is `measured | vendor |
@@ -93,7 +92,7 @@ class PartInstance(OneLineRepr, FrozenStruct):
         return written_at(f"`{self.definition.label}`", self.record.code) if self.record is not None else ()
 
 
-class Unit(OneLineRepr, FrozenStruct):
+class Unit(OneLineStruct):
     """A nested assembly at a path such as `hand` that the bill of materials lists as one part."""
 
     path: str
@@ -268,7 +267,7 @@ class JointEdge(Coordinate):
         return self.twist.turns
 
 
-class Mate(OneLineRepr, FrozenStruct):
+class Mate(OneLineStruct):
     """An edge of the mate graph between two placed components, whose indices are `parent` and `child`.
 
     With the coordinates in `joints`, the pose of the child in the frame of the parent is `X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @
@@ -302,7 +301,7 @@ class Mate(OneLineRepr, FrozenStruct):
         return bool(self.joints) and self.joints[0].kind.free
 
 
-class Link(OneLineRepr, FrozenStruct):
+class Link(OneLineStruct):
     """A set of rigidly connected occurrences, which are one body in every simulator. A mate with `keep` separates two links.
 
     `frame` is the index of the occurrence whose frame is also the frame of the link. `poses[k]` is the pose of `members[k]` in the link's
@@ -318,15 +317,16 @@ class Link(OneLineRepr, FrozenStruct):
     origin: Origin
 
 
-MIRRORED_ORIGIN = "origin (mirror)"
-"""Name of the mount `origin` of a component in an assembly that is mirrored along x or z. Its y axis is reversed, as in other mounts."""
+class MountAt(OneLineStruct):
+    """A mount in the linked assembly, given by the index of its occurrence, its name, and its pose in the frame of the occurrence.
 
-
-class MountAt(OneLineRepr, FrozenStruct):
-    """A mount in the linked assembly, given by the index of its occurrence and by its name."""
+    In an assembly that is mirrored along x or z, the pose of the mount `origin` is not the identity: its y axis is reversed, as in other
+    mounts.
+    """
 
     occurrence: int
     mount: str
+    pose: Pose
 
 
 class LinkedMount(MountAt):
@@ -362,7 +362,7 @@ class Adhesion(LinkedMount):
     force: float
 
 
-class Foot(OneLineRepr, FrozenStruct):
+class Foot(OneLineStruct):
     """A mount on which a mode with a free base stands, with the coefficient of sliding friction between the mount and the floor."""
 
     mount: LinkedMount
@@ -467,7 +467,7 @@ class LinkedMode(resolved.ModeSettings):
         return self.actuators is None or path in self.actuators
 
 
-class FileNames(OneLineRepr, FrozenStruct):
+class FileNames(OneLineStruct):
     """The names of elements in output files, for elements whose name differs from their path.
 
     The name of a component is also the name of its link. Drives are keyed by their joint coordinate or tendon, and equalities by the joint
@@ -484,7 +484,7 @@ class FileNames(OneLineRepr, FrozenStruct):
     poses: dict[str, str] = {}
 
 
-class LinkedTest(OneLineRepr, FrozenStruct):
+class LinkedTest(OneLineStruct):
     """A test of the top document with resolved references.
 
     References to mounts are replaced by mounts, and references to components by the indices of their parts, links and frames.
@@ -495,7 +495,7 @@ class LinkedTest(OneLineRepr, FrozenStruct):
     components: dict[resolved.Reference, tuple[int, ...]]
 
 
-class Connected(OneLineRepr, FrozenStruct):
+class Connected(OneLineStruct):
     """The linked robot before the poses of its occurrences at q = 0 are computed.
 
     `link_of[i]` is the index of the link to which the occurrence with index i belongs. `between` contains the indices of massless

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import re
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.kinds import JointKind
 from thingc.base.numeric import inf, sum_of
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.pose import Vector
 from thingc.base.source import Origin
 
 
-class Limit(OneLineRepr, FrozenStruct):
+class Limit(OneLineStruct):
     """The limits of a joint: position from `lower` to `upper` [rad or m], `effort` [N m or N] and `velocity` [rad/s or m/s].
 
     A limit that is None does not apply.
@@ -36,7 +35,7 @@ class Limit(OneLineRepr, FrozenStruct):
         return (self.lower is None or q >= self.lower - 1e-9) and (self.upper is None or q <= self.upper + 1e-9)
 
 
-class Dynamics(OneLineRepr, FrozenStruct):
+class Dynamics(OneLineStruct):
     """The passive dynamics of a joint in SI units. A value is None if the document does not specify it.
 
     `damping` is viscous friction, `friction` is dry friction, and `armature` is the reflected inertia. `stiffness` and `rest` are the
@@ -98,7 +97,7 @@ class CoordinateName(str):
 _NUMBERED = re.compile(r"(.*)\[(\d+)\]")
 
 
-class Mimic(OneLineRepr, FrozenStruct):
+class Mimic(OneLineStruct):
     """The polynomial by which a joint mimics another joint.
 
     In SI units, the position q of the joint follows from the position x of the other joint:
@@ -136,7 +135,7 @@ class Mimic(OneLineRepr, FrozenStruct):
             return inf
 
 
-class Coordinate(OneLineRepr, FrozenStruct):
+class Coordinate(OneLineStruct):
     """One coordinate of a joint: its name, the type of the joint, and its limits, dynamics and mimic in SI units."""
 
     name: CoordinateName
@@ -153,7 +152,7 @@ class Coordinate(OneLineRepr, FrozenStruct):
         return self.name.path
 
 
-class Gear(OneLineRepr, FrozenStruct):
+class Gear(OneLineStruct):
     """A transmission between an actuator and a joint.
 
     `ratio` is the motion of the actuator per motion of the joint [rad/rad, rad/m, m/rad or m/m], and `efficiency` is between 0 and 1. If
@@ -169,7 +168,7 @@ class Gear(OneLineRepr, FrozenStruct):
     backlash: float | None = None
 
 
-class DriveValues(OneLineRepr, FrozenStruct):
+class DriveValues(OneLineStruct):
     """The values of a drive in a document and in the linked robot, in SI units.
 
     `effort` is the limit of the force or torque of the drive. Commands act after `delay` [s]. `deadband` and `noise` have the unit of the

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr, format_count
+from thingc.base.one_line_repr import OneLineRepr, OneLineStruct, format_count
 from thingc.base.pose import NO_POSE, Mirror, Pose
 from thingc.base.primitives import Primitive
 from thingc.base.source import Origin
@@ -69,7 +68,7 @@ class LinkShape(OneLineRepr):
         return dataclasses.replace(self, solid=replace(self.solid, pose=mirror.frame(self.solid.pose)))
 
 
-class LinkDefinition(OneLineRepr, FrozenStruct):
+class LinkDefinition(OneLineStruct):
     """The definition of a link, which consists of a list of shapes. Equal definitions are one node of the hierarchical assembly graph.
 
     `text` is `link-` and 12 hex digits of the SHA-256 of the list of shapes (`link` if the list is empty). `label` is the display name. For

@@ -13,10 +13,9 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Note, make_notes
 from thingc.base.export_names import JointPath, PoseName, RawAttributes, RawPath
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.kinds import BaseType
 from thingc.base.joints.twist import Twist
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.pose import NO_POSE, Pose, Vector
 from thingc.base.sensor_kinds import Measurement
 from thingc.base.source import Origin, Span
@@ -29,7 +28,7 @@ COUNTED = "this `count` determines how often the reference is repeated"
 """The text of a note that shows the count of a `repeat`, if an indexed reference in the `repeat` is invalid."""
 
 
-class Reference(OneLineRepr, FrozenStruct):
+class Reference(OneLineStruct):
     """A reference to a component or to a mount, such as `hand.cap.pen`.
 
     `path` contains the names of the component and its parent components, and `mount` is the name of the mount.
@@ -50,7 +49,7 @@ class Reference(OneLineRepr, FrozenStruct):
         return ".".join((*self.path, self.mount) if self.mount is not None else self.path)
 
 
-class Process(OneLineRepr, FrozenStruct):
+class Process(OneLineStruct):
     """The manufacturing process of a part. `kind` is the type of the process, such as `fdm`. Line widths and layer heights are in metres.
 
     Infill and overlap are between 0 and 1. `speed` [m/s] and `layer_time` [s] determine the printing time.
@@ -130,7 +129,7 @@ class Process(OneLineRepr, FrozenStruct):
 _NEEDED = {"skin": ("walls", "line_width"), "layers": ("walls", "line_width", "layer", "top", "bottom")}
 
 
-class Material(OneLineRepr, FrozenStruct):
+class Material(OneLineStruct):
     """A material that components of a document can use.
 
     `density` is in [kg/m^3], `color` is `#rrggbb` or `#rrggbbaa`, `price_per_kg` is an amount with a currency, and `slide` is the sliding
@@ -151,7 +150,7 @@ class Material(OneLineRepr, FrozenStruct):
     density_origin: Origin = ()
 
 
-class StatedValue(OneLineRepr, FrozenStruct):
+class StatedValue(OneLineStruct):
     """A mass property that a document specifies, with its source and its location.
 
     The value is a mass [kg], a centre of mass [m], or an inertia ixx iyy izz ixy ixz iyz [kg m^2].
@@ -175,7 +174,7 @@ ChoicePath = tuple[str, ...]
 """The path of collision shapes below the key `collision`: `()`, `("targets", "mjcf")` for a format or `("modes", "bench")` for a mode."""
 
 
-class CollisionChoice(OneLineRepr, FrozenStruct):
+class CollisionChoice(OneLineStruct):
     """The collision shapes of a part: a kind, or `shapes` for the list `shapes`.
 
     `pieces` is the largest number of pieces of `decompose`, or 0 for any number.
@@ -216,7 +215,7 @@ class Overrides(CollisionChoice):
         return (self.process or Process()).merge_over(material and material.process or Process())
 
 
-class BomEntry(OneLineRepr, FrozenStruct):
+class BomEntry(OneLineStruct):
     """An entry of the bill of materials. `make` is `buy | print | machine`.
 
     `cost` is the price per piece, such as `12.50 EUR`, and `prices` contains prices with the smallest quantities for which they apply, in
@@ -247,7 +246,7 @@ class BomEntry(OneLineRepr, FrozenStruct):
 _BOM_TEXTS = ("number", "supplier", "make", "link", "picture")
 
 
-class Attach(OneLineRepr, FrozenStruct):
+class Attach(OneLineStruct):
     """A rigid mate between a mount of this component and the mount `to`.
 
     `turn` is the rotation angle [rad] about the z axis of `to`, and `gap` is the distance [m] along this axis.
@@ -263,7 +262,7 @@ class Attach(OneLineRepr, FrozenStruct):
     keep: bool = False
 
 
-class At(OneLineRepr, FrozenStruct):
+class At(OneLineStruct):
     """The placement of a component's origin at `pose` in the frame of the mount `to`. No mounts are mated."""
 
     to: Reference
@@ -272,7 +271,7 @@ class At(OneLineRepr, FrozenStruct):
     keep: bool = False
 
 
-class Component(OneLineRepr, FrozenStruct):
+class Component(OneLineStruct):
     """A component of a resolved assembly: a part, a file, a link, a frame or a nested assembly.
 
     `definition` is the definition of a part, a link or a nested assembly. `frame` is True for a frame, which does not have a definition. If
@@ -374,7 +373,7 @@ class Joint(Coordinate):
         return make_notes(f"`{name}` is defined here", self.origin)
 
 
-class Wrap(OneLineRepr, FrozenStruct):
+class Wrap(OneLineStruct):
     """A step of a tendon's path, where the tendon passes through a mount, wraps around a shape, or runs over a pulley.
 
     A `shape` has a `radius` [m]. If `side` is given, the tendon passes the shape on the side of this mount. A step without a mount is a
@@ -394,7 +393,7 @@ class PathStep(Wrap):
     side: Reference | None = None
 
 
-class TendonLength(OneLineRepr, FrozenStruct):
+class TendonLength(OneLineStruct):
     """The length of a tendon. The limit and the dynamics of the tendon apply to this length.
 
     If `turns` is True, the length is an angle [rad], otherwise a length [m]. MuJoCo draws a tendon along a path with the diameter `width`
@@ -420,7 +419,7 @@ class Tendon(TendonLength):
     path: tuple[PathStep, ...] = ()
 
 
-class LinkName(OneLineRepr, FrozenStruct):
+class LinkName(OneLineStruct):
     """An entry of the section `links:`, such as `{base_link: plate}`.
 
     The entry contains the name of a link, and the component whose frame is the frame of the link.
@@ -434,7 +433,7 @@ class LinkName(OneLineRepr, FrozenStruct):
 NamedKind = Literal["components", "mounts", "joints", "tendons", "actuators", "equalities", "sensors", "poses"]
 
 
-class NameInFiles(OneLineRepr, FrozenStruct):
+class NameInFiles(OneLineStruct):
     """An entry of the section `names:`, such as `{joints: {joint_1: "1"}}`: the name of an element in output files.
 
     `own` is the name of the element in the document. For a coordinate, `own` is the default name in files (`wrist_0`).
@@ -446,7 +445,7 @@ class NameInFiles(OneLineRepr, FrozenStruct):
     origin: Origin
 
 
-class NamedPose(OneLineRepr, FrozenStruct):
+class NamedPose(OneLineStruct):
     """A named pose of a document, with patterns and poses of nested documents resolved to joints.
 
     The pose maps each joint path (`hand/finger`) to the position q [rad or m] and to the location of the value in the document.
@@ -462,7 +461,7 @@ class NamedPose(OneLineRepr, FrozenStruct):
     stated: bool = True
 
 
-class NamedMotion(OneLineRepr, FrozenStruct):
+class NamedMotion(OneLineStruct):
     """A motion of the joints: the positions q [rad or m] of joints by path, at increasing `times` [s].
 
     If `smooth` is True, the positions lie on natural cubic splines. Otherwise, the robot rests at each time, and each joint moves between
@@ -495,7 +494,7 @@ Member = TypeVar("Member")
 """The type of a component or mount in a mode: a `Reference` before the pass `link`, then the index of an occurrence or a `LinkedMount`."""
 
 
-class Hold(OneLineRepr, FrozenStruct, Generic[Member]):
+class Hold(OneLineStruct, Generic[Member]):
     """A mount that a mode holds to the world, in addition to the root of the mode.
 
     The mount is mated to the frame `pose` in the world.
@@ -511,7 +510,7 @@ class Hold(OneLineRepr, FrozenStruct, Generic[Member]):
     turns: bool = False
 
 
-class Standing(OneLineRepr, FrozenStruct):
+class Standing(OneLineStruct):
     """The mounts on which a robot with a free base stands. The floor can push these mounts but not pull them.
 
     If `friction` is None, the friction of the materials at the mounts is used.
@@ -522,14 +521,14 @@ class Standing(OneLineRepr, FrozenStruct):
     origin: Origin
 
 
-class Cut(OneLineRepr, FrozenStruct):
+class Cut(OneLineStruct):
     """The path of a joint at which a mode should cut a kinematic loop, and its location in the document."""
 
     joint: JointPath
     origin: Origin
 
 
-class ModeSettings(OneLineRepr, FrozenStruct):
+class ModeSettings(OneLineStruct):
     """The settings of a mode that do not refer to elements of the document.
 
     `at` is the pose of the root in the world. If `on_floor` is True, the height in `at` is not yet known. `at_in` maps some named poses of
@@ -553,7 +552,7 @@ class ModeSettings(OneLineRepr, FrozenStruct):
     at_in: dict[PoseName, Pose] = {}
 
 
-class ContactPair(OneLineRepr, FrozenStruct, Generic[Member]):
+class ContactPair(OneLineStruct, Generic[Member]):
     """A pair of components that always collide.
 
     The settings are friction (sliding, torsional, rolling), margin [m] and gap [m], each None for the default.
@@ -571,7 +570,7 @@ OTHERS = "others"
 """Name of the contact group of all components without a group, of the floor, and of other objects in a scene."""
 
 
-class ContactGroup(OneLineRepr, FrozenStruct, Generic[Member]):
+class ContactGroup(OneLineStruct, Generic[Member]):
     """A group of components that collide only with the groups in `collides`."""
 
     name: str
@@ -599,7 +598,7 @@ class Mode(ModeSettings):
     has_expressions: bool = False
 
 
-class RawAttribute(OneLineRepr, FrozenStruct):
+class RawAttribute(OneLineStruct):
     """An attribute in the section `raw` of a document, such as `raw: {mjcf: {joint: {yaw: {solreflimit: 0.01 1}}}}`.
 
     For this example, `target` is `mjcf`, `path` is `("joint", "yaw", "solreflimit")`, and `value` is a string. For `usd`, which has typed
@@ -625,7 +624,7 @@ class RawAttribute(OneLineRepr, FrozenStruct):
         return self.keys[index : index + 1] + self.origin[1:] if index < len(self.keys) else self.origin
 
 
-class RawElement(OneLineRepr, FrozenStruct):
+class RawElement(OneLineStruct):
     """An element that `raw: {mjcf: {add: ...}}` adds to a `section` of a MuJoCo model, with its child elements."""
 
     section: str
@@ -649,7 +648,7 @@ class RawElement(OneLineRepr, FrozenStruct):
         return text + "".join(f" ({child.text})" for child in self.children)
 
 
-class JointRange(OneLineRepr, FrozenStruct):
+class JointRange(OneLineStruct):
     """A joint that a test moves: its path, and the range of its positions from `lower` to `upper` [rad or m]."""
 
     joint: str
@@ -657,7 +656,7 @@ class JointRange(OneLineRepr, FrozenStruct):
     upper: float
 
 
-class Test(OneLineRepr, FrozenStruct):
+class Test(OneLineStruct):
     """A resolved document test, which runs in each of its `modes` and `poses`. `modes` is empty for tests that do not depend on a mode.
 
     `kind` is the type of the test, such as `reach`. In `poses`, None represents the start pose of the mode. If `every_pose` is True, the
@@ -676,7 +675,7 @@ class Test(OneLineRepr, FrozenStruct):
     spans: dict[str, Span]
 
 
-class AssemblyDefinition(OneLineRepr, FrozenStruct):
+class AssemblyDefinition(OneLineStruct):
     """The definition of an assembly: a document with the values of its parameters.
 
     Equal definitions are one node of the hierarchical assembly graph.

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.memo import Memo
-from thingc.base.pose import Pose
+from thingc.base.pose import NO_POSE, Pose
 from thingc.base.source import Origin
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.links import joined_links
@@ -64,7 +64,7 @@ def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[
     mounts: list[tuple[LinkedMount, Origin]] = [(mount, mount.origin) for mount in assembly.exported]
     named_by = {link.frame for link in assembly.links}  # a body from a link with shapes already has this name
     mounts += [
-        (LinkedMount(path=o.path, occurrence=o.index, mount="origin"), o.origin) for o in assembly.occurrences
+        (LinkedMount(path=o.path, occurrence=o.index, mount="origin", pose=NO_POSE), o.origin) for o in assembly.occurrences
         if o.component.frame or o.listed is not None and o.index not in named_by
     ]
     mounts += [(m.root, m.origin) for m in assembly.modes]
@@ -75,8 +75,7 @@ def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[
     for mount, origin in mounts:
         if mount.path not in named:
             named.add(mount.path)
-            mount_pose = assembly.occurrences[mount.occurrence].mounts[mount.mount].pose
-            pose = memo(("site at", mount.path), Pose.__matmul__, placed[mount.occurrence], mount_pose)
+            pose = memo(("site at", mount.path), Pose.__matmul__, placed[mount.occurrence], mount.pose)
             yield Site(path=mount.path, body=body_of[assembly.link_of[mount.occurrence]], pose=pose, origin=origin)
 
 

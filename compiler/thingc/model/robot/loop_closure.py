@@ -63,7 +63,7 @@ def closures_of(
             )
             sound = False
             continue
-        X_LM = placed[choice.occurrence] @ assembly.occurrences[choice.occurrence].mounts[choice.mount].pose
+        X_LM = placed[choice.occurrence] @ choice.pose
         target = start_poses[body_of[link]] @ X_LM if hold.pose is None else hold.pose if choice.of_component else hold.pose @ MATE
         holds.append(Closure(
             path=choice.path, hold=True, turns=hold.turns, parent=None, child=body_of[link], X_PA=target, X_CB=X_LM, joints=(), twists=(),

@@ -83,7 +83,7 @@ def _lump(
     for exported in assembly.exported:
         if "/" not in exported.path:
             mount = assembly.occurrences[exported.occurrence].mounts[exported.mount]
-            values = {**asdict(mount), "pose": poses[exported.occurrence] @ mount.pose, "origin": exported.origin}
+            values = {**asdict(mount), "pose": poses[exported.occurrence] @ exported.pose, "origin": exported.origin}
             mounts[exported.path] = ExtraMount(**values)
     moments = named_moments(body.inertia)
     overrides = Overrides(

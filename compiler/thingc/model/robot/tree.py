@@ -78,7 +78,7 @@ def root_pose(assembly: Assembly, mode: LinkedMode) -> Pose:
     choice = mode.root
     X_WO = mode.at
     if not choice.of_component:
-        X_WO = mode.at @ MATE @ assembly.occurrences[choice.occurrence].mounts[choice.mount].pose.inverse()
+        X_WO = mode.at @ MATE @ choice.pose.inverse()
     return X_WO @ in_link(assembly)[choice.occurrence].inverse()
 
 

@@ -6,10 +6,9 @@ from typing import Literal
 
 from thingc.base import numeric
 from thingc.base.export_names import JointPath, PoseName, SitePath
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.joints.kinds import BaseType
 from thingc.base.joints.twist import Twist
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.pose import Pose, Vector
 from thingc.base.source import Origin
 from thingc.model.assembly.kinematics import coordinates, joints_of
@@ -28,7 +27,7 @@ class TreeJoint(JointEdge):
     mate: int
 
 
-class Body(OneLineRepr, FrozenStruct):
+class Body(OneLineStruct):
     """A link in the kinematic tree of a mode, with the joints by which it moves.
 
     `parent` is the index of the parent in `Robot.bodies`, or None for the root, whose parent is the world. `X_PL` is the pose of the link
@@ -60,7 +59,7 @@ class Body(OneLineRepr, FrozenStruct):
         return bool(self.joints) and self.joints[0].kind.free
 
 
-class Site(OneLineRepr, FrozenStruct):
+class Site(OneLineStruct):
     """A named frame on a link. `body` is the index of the body of the link, and `pose` is the pose of the site in the frame of the link."""
 
     path: SitePath
@@ -77,7 +76,7 @@ perpendicular axes that intersect, or several coordinates.
 """
 
 
-class Closure(OneLineRepr, FrozenStruct):
+class Closure(OneLineStruct):
     """A closure of a kinematic loop that the tree cuts, between the body `parent` (None: the world) and the body `child`.
 
     A is a frame on the parent, and B is a frame on the child. The loop is closed if
@@ -128,7 +127,7 @@ def residual_words(residual: tuple[float, float]) -> str:
     return f"{distance:.3g} mm and {angle:.3g} deg" if distance or angle else "less than 0.0001 mm and 0.0001 deg"
 
 
-class Keyframe(OneLineRepr, FrozenStruct):
+class Keyframe(OneLineStruct):
     """A named pose of a mode with the positions q [rad or m] of all joints by path.
 
     Joints that mimic other joints, and joints at which loops are cut, are included.
@@ -147,7 +146,7 @@ class Keyframe(OneLineRepr, FrozenStruct):
     residual: tuple[float, float] | None = None
 
 
-class Unclosed(OneLineRepr, FrozenStruct):
+class Unclosed(OneLineStruct):
     """A pose that is not a keyframe, because its loops do not close within the joint limits, or close only far from the pose.
 
     If the loops do not close, `path` is the path of the closure with the largest error, and `residual` is the smallest error [m, rad] that
@@ -161,7 +160,7 @@ class Unclosed(OneLineRepr, FrozenStruct):
     moved: dict[JointPath, float] = {}
 
 
-class Robot(OneLineRepr, FrozenStruct):
+class Robot(OneLineStruct):
     """A robot in one mode, as a kinematic tree. `bodies` are in depth-first order, with parents before children and children in document
     order.
 

@@ -66,9 +66,8 @@ def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> I
     pulls = {(magnet.occurrence, magnet.mount): robot.adhesion.get(magnet.path, 0.0) for magnet in assembly.adhesions}
     for foot in robot.mode.feet:
         choice = foot.mount
-        mount = assembly.occurrences[choice.occurrence].mounts[choice.mount]
         own = body_of[assembly.link_of[choice.occurrence]]
-        point = bodies[own].apply((placed[choice.occurrence] @ mount.pose).translation)
+        point = bodies[own].apply((placed[choice.occurrence] @ choice.pose).translation)
         moves = {
             joint.path: twist.velocity(point)[0] for body in with_ancestors(robot.bodies, own)
             for joint, twist in in_world(robot.bodies[body], bodies[body], q)

@@ -22,7 +22,7 @@ from thingc.base.source import Origin, Span
 from thingc.documents.workspace import Workspace
 from thingc.geometry.record import Mesh, PartDefinition
 from thingc.model.assembly.kinematics import coordinates, joints_of
-from thingc.model.assembly.types import MIRRORED_ORIGIN, Assembly, JointEdge, LinkedMount, Mate, Occurrence, Surface
+from thingc.model.assembly.types import Assembly, JointEdge, LinkedMount, Mate, Occurrence, Surface
 from thingc.model.resolve.types import NamedMotion
 from thingc.model.robot.kinematics import placed_bodies
 from thingc.model.robot.tree import in_link
@@ -152,7 +152,7 @@ def _occurrence(occurrence: Occurrence, definition: int, link: int, pose: Pose, 
         "collision": [_shape(surface, packed) for surface in occurrence.touching],
         "mounts": [
             {"name": name, "pose": _rows(mount.pose), "interface": mount.interface}
-            for name, mount in occurrence.mounts.items() if name not in ("origin", MIRRORED_ORIGIN)
+            for name, mount in occurrence.mounts.items() if name != "origin"
         ],
         **places.location(occurrence.origin),
     }

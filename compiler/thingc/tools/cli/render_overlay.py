@@ -60,7 +60,7 @@ def joints(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
 def root(robot: Robot) -> Iterator[Mark]:
     """Yield the coordinate frame of the root link of the mode."""
     choice = robot.mode.root
-    body, pose = _on_body(robot, {}, choice.occurrence, robot.assembly.occurrences[choice.occurrence].mounts[choice.mount].pose)
+    body, pose = _on_body(robot, {}, choice.occurrence, choice.pose)
     yield frame_mark(label=f"root {_component_path(choice.path)} ({robot.base})", body=body, pose=pose, size=ROOT_SIZE)
 
 

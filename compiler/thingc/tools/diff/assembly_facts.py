@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from thingc.base.pose import Pose
 from thingc.geometry.record import PartDefinition
-from thingc.model.assembly.types import MIRRORED_ORIGIN, ActuatorModel, Assembly, LinkedSensor, Mate, Occurrence, TendonStep
+from thingc.model.assembly.types import ActuatorModel, Assembly, LinkedSensor, Mate, Occurrence, TendonStep
 from thingc.model.resolve.coordinates import Dynamics, Limit
 from thingc.model.resolve.types import AssemblyDefinition
 from thingc.targets.bom.emit import with_pieces
@@ -63,7 +63,7 @@ def _placing(assembly: Assembly) -> Iterator[Mate]:
 def _mounts(occurrence: Occurrence) -> dict[str, Pose]:
     """Return the mounts that the class of a part defines. The mount `origin` and mounts that the document adds are omitted."""
     added = occurrence.component.mounts
-    return {name: mount.pose for name, mount in occurrence.mounts.items() if name not in (*added, "origin", MIRRORED_ORIGIN)}
+    return {name: mount.pose for name, mount in occurrence.mounts.items() if name not in (*added, "origin")}
 
 
 def links_of(assembly: Assembly) -> Iterator[LinkOf]:

@@ -11,8 +11,7 @@ from typing import TypeVar
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, Report, Severity
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.source import Span
 from thingc.base.suggestions import did_you_mean
 from thingc.driver.environment import Options
@@ -31,7 +30,7 @@ SourceOf = Callable[[Span], "Span | None"]
 """A function that maps a location in a compiled document to a location in a file of the user."""
 
 
-class Checkout(OneLineRepr, FrozenStruct):
+class Checkout(OneLineStruct):
     """The absolute path of a document, build folder or lock file on one side of a comparison.
 
     If the files are from a git revision, `revision` is the name of the revision, else None.
@@ -49,7 +48,7 @@ class Checkout(OneLineRepr, FrozenStruct):
         return file if inside.startswith("..") else os.path.join(self.revision.repository.top, inside)
 
 
-class DocumentPair(OneLineRepr, FrozenStruct):
+class DocumentPair(OneLineStruct):
     """The old and the new version of a document. `name` is the path of the document on the command line.
 
     `old` or `new` is None if the document does not exist on this side of the comparison.

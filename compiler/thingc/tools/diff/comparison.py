@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
 from thingc.base.numeric import hypot
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.pose import Pose, rpy_of
 from thingc.base.source import Span, line_of
 from thingc.geometry.record import PartRecord
@@ -433,7 +432,7 @@ def _pair_rows(olds: list[Row], news: list[Row], path: Callable[[str], str | Non
     return [*pairs, *((old, None) for old in rest[both:]), *((None, new) for new in left[both:])]
 
 
-class Comparison(OneLineRepr, FrozenStruct):
+class Comparison(OneLineStruct):
     """The result of comparing two states of one robot: the changes in documents, followed by the consequences of these changes.
 
     `unknown` lists the kinds of information that were not compared. If pictures were requested, `pictures` maps the names `before`, `after`

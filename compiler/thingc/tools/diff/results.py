@@ -8,8 +8,7 @@ from typing import Any
 from msgspec import convert, to_builtins
 
 from thingc.base.diagnostics import shown_path
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.source import Span
 from thingc.driver.up_to_date import from_plain, to_plain
 from thingc.tools.diff.checkouts import BrokenSide, DocumentPair
@@ -18,7 +17,7 @@ from thingc.tools.diff.snapshot import Change, How
 from thingc.tools.importing.import_request import select_robot_files
 
 
-class DiffResult(OneLineRepr, FrozenStruct):
+class DiffResult(OneLineStruct):
     """The result of comparing the documents of two sides, such as two git commits. The sides have the names `old` and `new`.
 
     `documents` maps the name of each compared document to its comparison. `alone` are changes of kind `file`: documents that exist only on

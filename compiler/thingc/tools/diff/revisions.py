@@ -15,8 +15,7 @@ import tomllib
 from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from thingc.base.filesystem import BadPath, check_tree, write_tree
-from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.documents.load.paths import DOCUMENT_SUFFIXES
 from thingc.documents.workspace import DEFAULT_PARTS, OWN_FILE, SHARED_FILE
 from thingc.geometry.lock.lock import LOCK_FILE
@@ -28,7 +27,7 @@ _NAMED = re.compile(rb"[^\s\"'\[\]{},:]+\.(?:ya?ml|toml|step|stp|brep|brp|stl|3m
 _LINK = "120000"
 
 
-class Repository(OneLineRepr, FrozenStruct):
+class Repository(OneLineStruct):
     """A git repository with a checkout. `top` is the absolute path of the checkout.
 
     If `trusted` is false, git does not run the filters that the configuration of the repository defines.

@@ -10,7 +10,7 @@ from typing import Any, Literal, Union, get_args
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.pose import Pose
 from thingc.base.source import Span
 from thingc.geometry.record import PartRecord
@@ -30,7 +30,7 @@ PERHAPS = "perhaps"
 """Item of `Change.because` that marks an uncertain match."""
 
 
-class Change(OneLineRepr, FrozenStruct):
+class Change(OneLineStruct):
     """A difference between two snapshots of a robot, which concerns the whole robot, one element, or one value.
 
     Attributes:
@@ -68,7 +68,7 @@ NOT_COMPARED = PLACES | {"name", "sources", "wrong"}
 """Fields that are not compared: source locations, names, the sources of values, and invalid values."""
 
 
-class Named(OneLineRepr, FrozenStruct):
+class Named(OneLineStruct):
     """A reference to an element of the robot by its path, or to a mount of a component."""
 
     what: What
@@ -85,7 +85,7 @@ Value = Union[None, bool, int, float, str, Named, tuple["Value", ...]]
 """The value of a property, in SI units."""
 
 
-class Fact(OneLineRepr, FrozenStruct):
+class Fact(OneLineStruct):
     """The value of a property, which is compared between the old and the new robot.
 
     `written` is the text of the value in the document, or None if the document does not contain the value. `scope` is the path of the
@@ -99,7 +99,7 @@ class Fact(OneLineRepr, FrozenStruct):
     span: Span | None = None
 
 
-class SnapshotElement(OneLineRepr, FrozenStruct):
+class SnapshotElement(OneLineStruct):
     """An element of a document, such as a joint or a mount.
 
     `facts` are the properties of the element, keyed by dotted names such as `limit.upper`. `label` is the description of the element in
@@ -114,7 +114,7 @@ class SnapshotElement(OneLineRepr, FrozenStruct):
     span: Span | None = None
 
 
-class ComponentNode(OneLineRepr, FrozenStruct):
+class ComponentNode(OneLineStruct):
     """A component with the properties that `match` uses to match components of two robots.
 
     `kind` is `part`, `file`, `assembly`, `link` or `frame`. `reference` is the class, file or document of the component, and `text` is the
@@ -133,7 +133,7 @@ class ComponentNode(OneLineRepr, FrozenStruct):
         return self.path.rpartition("/")[0]
 
 
-class Edge(OneLineRepr, FrozenStruct):
+class Edge(OneLineStruct):
     """A mate between the mounts of two components. The components are given by their paths.
 
     `joint` is the kind of the joint, `fixed`, or an empty string if the mate is not a joint.
@@ -145,7 +145,7 @@ class Edge(OneLineRepr, FrozenStruct):
     joint: str
 
 
-class OccurrenceSnapshot(OneLineRepr, FrozenStruct):
+class OccurrenceSnapshot(OneLineStruct):
     """A part or frame of the linked assembly, with its mass properties, geometry and pose.
 
     Attributes:
@@ -171,7 +171,7 @@ class OccurrenceSnapshot(OneLineRepr, FrozenStruct):
     material: str | None = None
 
 
-class LinkOf(OneLineRepr, FrozenStruct):
+class LinkOf(OneLineStruct):
     """A link of a robot in a snapshot.
 
     The link has a name, the occurrence that defines the frame of the link, all occurrences of the link, and mass properties.
@@ -183,7 +183,7 @@ class LinkOf(OneLineRepr, FrozenStruct):
     properties: MassProperties
 
 
-class Row(OneLineRepr, FrozenStruct):
+class Row(OneLineStruct):
     """A row of the bill of materials: a part definition, the number of equal parts, and the paths of these parts.
 
     `stem` is the name of the print file without a suffix, or None if the row has no print file.
@@ -198,7 +198,7 @@ class Row(OneLineRepr, FrozenStruct):
     stem: str | None = None
 
 
-class TestOutcome(OneLineRepr, FrozenStruct):
+class TestOutcome(OneLineStruct):
     """The result of a document test in one mode and pose, which `where` specifies.
 
     `measured` maps the names of measured values to numbers in SI units.
@@ -210,7 +210,7 @@ class TestOutcome(OneLineRepr, FrozenStruct):
     measured: Mapping[str, float]
 
 
-class Snapshot(OneLineRepr, FrozenStruct):
+class Snapshot(OneLineStruct):
     """A snapshot of a robot, which can be compared with another snapshot of the same robot.
 
     `things` maps the kind and path of each element to the element, in document order. `lacks` lists the kinds of information that the

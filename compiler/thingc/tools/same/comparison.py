@@ -11,7 +11,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.tools.same.features import Array, apply, motion_of
 from thingc.tools.same.matching import MOST, RobotMap, find_maps
 from thingc.tools.same.mechanism import JointProperty, Mechanism
@@ -75,7 +75,7 @@ class JointMatch(FrozenStruct):
     determined: bool
 
 
-class MechanismComparison(OneLineRepr, FrozenStruct):
+class MechanismComparison(OneLineStruct):
     """The result of a comparison of two mechanisms.
 
     `same` is true if they differ only in root, names, link frames, joint zeros and joint signs. `limits` and `properties` contain the

@@ -15,7 +15,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.inertia import MassProperties, total
 from thingc.base.joints.twist import Twist
 from thingc.base.numeric import atan2, dist
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.pose import NO_POSE, Matrix, Pose, Vector, add_scaled, along, cross, dot, scale_vector, turned_z
 from thingc.model.assembly.types import Assembly, JointEdge
 from thingc.model.robot.tree import in_link
@@ -33,7 +33,7 @@ RIGID = 1e-6
 """Difference of the distances [m] between two points in two links below which the points can coincide."""
 
 
-class MechanismLink(OneLineRepr, FrozenStruct):
+class MechanismLink(OneLineStruct):
     """A rigid body. Its mass properties are in the frame of the link. A link between two coordinates of one joint is massless."""
 
     name: str
@@ -47,7 +47,7 @@ class Coupling(FrozenStruct):
     polynomial: tuple[float, ...]
 
 
-class MechanismJoint(OneLineRepr, FrozenStruct):
+class MechanismJoint(OneLineStruct):
     """A joint with one coordinate q, or a ball joint.
 
     The link `child` has the pose `exp(twist q) @ pose` in the frame of the link `parent`. Both links are indices. The twist of a ball
@@ -67,7 +67,7 @@ class MechanismJoint(OneLineRepr, FrozenStruct):
     coupling: Coupling | None = None
 
 
-class Mechanism(OneLineRepr, FrozenStruct):
+class Mechanism(OneLineStruct):
     """The links and joints of a robot. Links that are fixed to each other are one link."""
 
     name: str

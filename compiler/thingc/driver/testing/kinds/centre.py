@@ -22,7 +22,7 @@ def measure(case: TestCase, check: CentreCheck) -> Outcome:
     centre = body.centre
     if check.frame is not None:
         mount = case.linked.mounts[check.frame]
-        pose = poses[mount.occurrence] @ robot.assembly.occurrences[mount.occurrence].mounts[mount.mount].pose
+        pose = poses[mount.occurrence] @ mount.pose
         centre = pose.inverse().apply(centre)
     failures: list[Failure] = []
     for axis, (low, high) in check.box.items():

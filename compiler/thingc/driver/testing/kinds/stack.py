@@ -20,7 +20,7 @@ from thingc.documents.checks.stack import KIND, StackCheck
 from thingc.driver.testing.outcomes import ABOVE, BELOW, ROUNDING, Failure, Measure, Outcome, TestCase, TestMeasurement, format_si
 from thingc.model.assembly.interfaces import mount_name
 from thingc.model.assembly.kinematics import neighbourhood, on_loops
-from thingc.model.assembly.types import MIRRORED_ORIGIN, Assembly, Mate, MountAt
+from thingc.model.assembly.types import Assembly, Mate, MountAt
 from thingc.model.robot.kinematics import body_poses, in_world, occurrence_poses
 from thingc.model.robot.types import Keyframe, Robot
 
@@ -114,8 +114,8 @@ def _contributions(
     """
     assembly = robot.assembly
     poses = occurrence_poses(robot, frame.q, frame.base)
-    direction = rotate((poses[base.occurrence] @ _mount(assembly, base.occurrence, base.mount)).rotation, along)
-    end = (poses[end_mount.occurrence] @ _mount(assembly, end_mount.occurrence, end_mount.mount)).translation
+    direction = rotate((poses[base.occurrence] @ base.pose).rotation, along)
+    end = (poses[end_mount.occurrence] @ end_mount.pose).translation
     current, entry_mount = base.occurrence, base.mount
     for mate in path:
         forward = mate.parent == current
@@ -146,7 +146,7 @@ def _mount_contributions(
     for name in mounts:
         own = occurrence.mounts[name].tolerance
         tolerance = process.tolerance if own is None else own
-        if name in ("origin", MIRRORED_ORIGIN) or tolerance is None and process.tilt is None:
+        if name == "origin" or tolerance is None and process.tilt is None:
             continue
         arm = add_scaled(end, poses[index].apply(occurrence.mounts[name].pose.translation), -1.0)
         axes = [rotate(poses[index].rotation, axis) for axis in AXES]
@@ -166,11 +166,6 @@ def _fit_contributions(assembly: Assembly, poses: Sequence[Pose], mate: Mate, di
             across = hypot(*(dot(rotate(rotation, axis), direction) for axis in AXES[:2]))
             name = mount_name(assembly.occurrences[mate.child], mate.child_mount)
             yield f"the play of `{name}`", [0.5 * (bores[0] - bosses[0]) * across]
-
-
-def _mount(assembly: Assembly, index: int, name: str) -> Pose:
-    """Return the pose of a mount in the frame of its occurrence."""
-    return assembly.occurrences[index].mounts[name].pose
 
 
 MEASUREMENT = TestMeasurement(kind=KIND, measure=measure)
