@@ -28,7 +28,7 @@ from thingc.base.diagnostics import Code, Diagnostic, Report
 from thingc.geometry import client
 from thingc.geometry.client import Workers
 from thingc.geometry.key.environment_variables import environment
-from thingc.tools.cli import console, signals
+from thingc.tools.cli import console
 from thingc.tools.templates import TEMPLATES
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -130,7 +130,6 @@ def pytest_collection_finish() -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Record the diagnostics of reports and exceptions in this process, and the output of other processes."""
     gc.disable()  # until all is collected
-    signals.spare_the_child_of_glfw()  # of each process that imports MuJoCo
     say, of_exception, communicate = Report.say, console.of_exception, subprocess.Popen.communicate
 
     def note(diagnostic: Diagnostic) -> Diagnostic:

@@ -28,7 +28,7 @@ def _run() -> int:
             stream.reconfigure(errors="backslashreplace")  # a terminal may know fewer letters than documents hold
     from thingc.tools.cli.main import main
 
-    signals.spare_the_child_of_glfw()
+    os.environ.setdefault("MUJOCO_GL", "disable")  # MuJoCo loads no OpenGL library, which takes longer than the models of a small robot
     code = main()
     sys.stdout.flush()
     sys.stderr.flush()

@@ -15,7 +15,7 @@ import sys
 from thingc.base.filesystem import listing
 from thingc.base.json_lines_process import connect_to_parent
 from thingc.batch.folder_layout import NEW, read_file
-from thingc.targets.render.picture import NoGraphics, extent, ready, small_picture
+from thingc.targets.render.picture import NoGraphics, allow_rendering, extent, ready, small_picture
 
 
 def load_pictures(path: str) -> tuple[str, dict[str, bytes]]:
@@ -30,6 +30,7 @@ def load_pictures(path: str) -> tuple[str, dict[str, bytes]]:
 def main() -> None:
     """Run the main loop of the rendering process: read a line of standard input, and write the answers to standard output."""
     answer = connect_to_parent()
+    allow_rendering()
     os.environ.setdefault("MUJOCO_GL", "egl")
     request = json.loads(sys.stdin.readline() or "null")
     if request is None:

@@ -1,7 +1,5 @@
 """The catalogue of bought parts, which is a CSV file with these columns."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from thingc.base.bom_values import QUANTITY

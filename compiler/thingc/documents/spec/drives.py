@@ -1,7 +1,5 @@
 """Springs, friction and drives that act along a joint coordinate or a tendon."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, ValidationInfo, field_validator

@@ -1,7 +1,5 @@
 """Models of the interface of a mount in a document. Field docstrings are the hover text of an editor."""
 
-from __future__ import annotations
-
 import re
 from typing import Annotated, Literal
 

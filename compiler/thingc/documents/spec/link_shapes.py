@@ -1,7 +1,5 @@
 """Models of the shapes of a link in a document. Field docstrings are the hover text of an editor."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import ConfigDict, Field

@@ -1,7 +1,5 @@
 """Mass, centre of mass and inertia of a component in a document, each with the source of the value."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydantic import Field

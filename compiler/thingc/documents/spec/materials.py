@@ -1,7 +1,5 @@
 """The `materials/1` document, key by key."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydantic import Field

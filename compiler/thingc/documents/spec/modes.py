@@ -1,7 +1,5 @@
 """The `modes:` and `simulation:` of an `assembly/1` document."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """The `motions:` block of an `assembly/1` document."""
 
-from __future__ import annotations
-
 from pydantic import Field
 
 from thingc.documents.spec.base import Model

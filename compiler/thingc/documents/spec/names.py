@@ -1,7 +1,5 @@
 """The `names:` block of an `assembly/1` document."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """The model of a position and an orientation, which other document models use."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import ConfigDict, Field

@@ -1,7 +1,5 @@
 """The key `repeat` of components, joints and transmissions."""
 
-from __future__ import annotations
-
 from pydantic import Field
 
 from thingc.documents.spec.base import Model

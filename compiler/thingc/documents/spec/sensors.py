@@ -1,7 +1,5 @@
 """The `sensors:` block of an `assembly/1` document."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field

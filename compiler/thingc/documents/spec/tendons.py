@@ -1,7 +1,5 @@
 """The `tendons:` block of an `assembly/1` document."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import ConfigDict, Field

@@ -1,7 +1,5 @@
 """The `variants/1` document, key by key. Field docstrings are the hover text of an editor."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 from pydantic import Field

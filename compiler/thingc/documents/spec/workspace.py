@@ -1,7 +1,5 @@
 """The `workspace/1` document: `thingc.toml`, or the `[tool.thingc]` table of a `pyproject.toml`."""
 
-from __future__ import annotations
-
 import re
 from typing import Annotated, Literal
 

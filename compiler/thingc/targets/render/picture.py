@@ -56,13 +56,22 @@ class Shot(FrozenStruct):
     elevation: float | None = None
 
 
+def allow_rendering() -> None:
+    """Let MuJoCo load its default rendering backend, unless the user selects another one. The command line disables rendering by default,
+    because loading an OpenGL library takes time.
+    """
+    if os.environ.get("MUJOCO_GL") == "disable":
+        del os.environ["MUJOCO_GL"]
+
+
 def ready() -> None:
     """Prepare rendering without a display. Call this function before importing MuJoCo, because MuJoCo selects its rendering backend when it
     is imported.
 
-    If the environment variable `MUJOCO_GL` is not set, it is set to `egl`, or on macOS and Windows to the usual backend of MuJoCo. Raises
-    `NoGraphics` if this backend is not available.
+    If the environment variable `MUJOCO_GL` is not set, or is set to `disable`, it is set to `egl`, or on macOS and Windows to the usual
+    backend of MuJoCo. Raises `NoGraphics` if this backend is not available.
     """
+    allow_rendering()
     backend = os.environ.setdefault("MUJOCO_GL", "egl" if sys.platform == "linux" else "on")
     try:
         with warnings.catch_warnings():

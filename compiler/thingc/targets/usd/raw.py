@@ -84,7 +84,7 @@ def _apply(attribute: RawAttribute, prim: Prim) -> Fault | None:
     """Apply a raw attribute to a USD prim. Return the error if the attribute is invalid, or else None."""
     key, value, last = attribute.path[-1], json.loads(attribute.value), len(attribute.path)
     items = value if isinstance(value, list) else [value]
-    invalid = NO_CHARACTER.search("".join(item for item in items if isinstance(item, str)))
+    invalid = re.search(NO_CHARACTER, "".join(item for item in items if isinstance(item, str)))
     if invalid is not None:
         return f"a string in USD cannot contain the character `{escape_control(invalid[0])}`", "remove the character", last
     if key == SCHEMAS:

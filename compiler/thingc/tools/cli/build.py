@@ -58,11 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
         answer = None
         if not diagnostics:
             options = replace(options, ahead=pipeline.modules_of_build(targets))
-            if RENDERED & {*targets}:
-                from thingc.targets.render.picture import NoGraphics, ready
-
-                with contextlib.suppress(NoGraphics):  # the target reports the loss
-                    ready()
+            prepare_rendering(targets)
             diagnostics, answer = _build(arguments, options, targets)
     except UserError as fault:
         diagnostics, answer = [fault.diagnostic], None
@@ -75,6 +71,19 @@ def run(arguments: argparse.Namespace) -> int:
     if answer is not None and arguments.format != "json":
         print_summary({**answer, "losses": {target: count for target, count in answer["losses"].items() if target in targets}}, arguments)
     return console.exit_code(diagnostics)
+
+
+def prepare_rendering(targets: tuple[str, ...]) -> None:
+    """Prepare rendering for targets that contain pictures, and let MuJoCo load an OpenGL library for targets of other packages."""
+    if RENDERED & {*targets}:
+        from thingc.targets.render.picture import NoGraphics, ready
+
+        with contextlib.suppress(NoGraphics):  # the target reports the loss
+            ready()
+    elif not TARGETS.keys() >= {*targets}:
+        from thingc.targets.render.picture import allow_rendering
+
+        allow_rendering()
 
 
 def _build(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:

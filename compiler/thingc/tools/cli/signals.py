@@ -50,22 +50,6 @@ def leave_at_once() -> None:
             signal.signal(number, lambda *_: os._exit(INTERRUPTED))
 
 
-def spare_the_child_of_glfw() -> None:
-    """On Linux, set the environment variable PYGLFW_LIBRARY to the library in the Python package glfw.
-
-    Without this variable, importing MuJoCo starts a Python process that finds the library, and that prints a traceback on Ctrl-C.
-    """
-    from thingc.base.installed_packages import package_folder
-
-    folder = package_folder("glfw") if sys.platform == "linux" else None
-    if folder is None:
-        return
-    session = "wayland" if os.environ.get("XDG_SESSION_TYPE") == "wayland" else "x11"
-    library = os.path.join(folder, os.environ.get("PYGLFW_LIBRARY_VARIANT", session).lower(), "libglfw.so")
-    if os.path.exists(library):
-        os.environ.setdefault("PYGLFW_LIBRARY", library)
-
-
 @contextmanager
 def delay_signals() -> Iterator[None]:
     """A context manager that delays Ctrl-C and SIGTERM until the exit of the context, for example to write several files completely."""

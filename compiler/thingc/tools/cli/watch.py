@@ -27,7 +27,7 @@ from thingc.base.safe_text import json_text
 from thingc.driver import pipeline
 from thingc.driver.build_document import BuildRequest
 from thingc.tools.cli import console, signals
-from thingc.tools.cli.build import add_building, answer_of, chosen_targets, print_summary, wish_of
+from thingc.tools.cli.build import add_building, answer_of, chosen_targets, prepare_rendering, print_summary, wish_of
 from thingc.tools.live.rebuild_loop import Rebuild, RebuildLoop
 
 
@@ -57,6 +57,7 @@ def live_of(arguments: argparse.Namespace) -> RebuildLoop:
     options = console.options_of(arguments)
     targets, _ = chosen_targets(arguments)
     options = replace(options, ahead=pipeline.modules_of_build(targets))
+    prepare_rendering(targets)
 
     def wish() -> BuildRequest | Sequence[Diagnostic]:
         targets, wrong = chosen_targets(arguments)
