@@ -100,6 +100,25 @@ def test_random_trees_with_every_joint_type(browser: Any, pages: Pages, tmp_path
                     assert np.abs(np.array(found[link]).reshape(4, 4) - np.array(pose.rows())).max() < 1e-9
 
 
+def test_normals_are_averaged_over_faces_of_the_same_vertex(undrawn_pages: dict[str, Any]) -> None:
+    """The normal of a corner is the mean of the unit normals of all faces at its vertex that deviate by less than 0.55 rad, and of no other
+    faces, however near."""
+    meshes = undrawn_pages["arm"].evaluate("""() => {
+      const smallest = thingc.viewer.geometries.toSorted((a, b) => a.attributes.position.count - b.attributes.position.count).slice(0, 4);
+      return smallest.map(({ attributes }) => [[...attributes.position.array], [...attributes.normal.array]]); }""")
+    rounded = 0
+    for numbers, told in meshes:
+        corners = np.array(numbers).reshape(-1, 3)
+        faces = np.repeat(np.cross(corners[1::3] - corners[::3], corners[2::3] - corners[::3]), 3, axis=0)
+        faces /= np.linalg.norm(faces, axis=1, keepdims=True)
+        same = (corners[:, None] == corners).all(axis=2) & (faces @ faces.T > math.cos(0.55))
+        means = same @ faces
+        means /= np.linalg.norm(means, axis=1, keepdims=True)
+        assert np.abs(np.array(told).reshape(-1, 3) - means).max() < 1e-3  # of float32 triangles
+        rounded += (np.abs(means - faces).max(axis=1) > 0.01).sum()
+    assert rounded > 20
+
+
 FOOT = """\
 thingc: assembly/1
 name: foot

@@ -15,6 +15,8 @@ import { CUT, Section } from "./section";
 
 /** The smallest angle between faces [rad] that is drawn as an edge. */
 const CREASE = 0.55;
+/** The 16-bit number that represents the position 1 in a packed mesh. */
+const MOST = 32767;
 /** The size of the view relative to the box around the robot. */
 const MARGIN = 1.1;
 /** The colour of parts without a colour. */
@@ -58,20 +60,26 @@ export async function geometriesOf(glb: ArrayBuffer): Promise<BufferGeometry[]> 
   for (const child of (loaded.scene?.children ?? []) as Mesh[]) { // a file without meshes has no scene
     const number = loaded.parser.associations.get(child)!.nodes!;
     const name = names![nodes![number].mesh].name;
-    if (!known.has(name)) known.set(name, toCreasedNormals(unpacked(child), CREASE));
+    if (!known.has(name)) known.set(name, unpacked(child));
     found[number] = known.get(name)!;
   }
   return found;
 }
 
-/** The geometry of a mesh with 16-bit positions, scaled by its node. */
+/**
+ * The geometry of a mesh with 16-bit positions, scaled by its node, with normals.
+ *
+ * `toCreasedNormals` considers vertices as equal if their coordinates differ by less than 0.01. Therefore, it gets the 16-bit numbers: in
+ * metres, all vertices within 10 mm would share their faces.
+ */
 function unpacked(mesh: Mesh): BufferGeometry {
-  mesh.updateMatrix();
   const packed = mesh.geometry.getAttribute("position");
   const point = new Vector3();
   const numbers = new Float32Array(packed.count * 3);
-  for (let k = 0; k < packed.count; k += 1) point.fromBufferAttribute(packed, k).applyMatrix4(mesh.matrix).toArray(numbers, 3 * k);
-  return mesh.geometry.clone().setAttribute("position", new BufferAttribute(numbers, 3));
+  for (let k = 0; k < packed.count; k += 1) point.fromBufferAttribute(packed, k).multiplyScalar(MOST).round().toArray(numbers, 3 * k);
+  const geometry = mesh.geometry.clone().setAttribute("position", new BufferAttribute(numbers, 3));
+  mesh.updateMatrix();
+  return toCreasedNormals(geometry, CREASE).applyMatrix4(mesh.matrix.multiply(new Matrix4().makeScale(1 / MOST, 1 / MOST, 1 / MOST)));
 }
 
 /** The 3D view: camera, lights, floor, gravity arrow, and the batches of a robot. */
