@@ -186,6 +186,28 @@ def test_equality_residual_equals_the_source(equality: str, tmp_path: Path) -> N
         assert found[0] > 0.01 and found[1] == pytest.approx(found[0], abs=1e-12)
 
 
+@pytest.mark.parametrize(("bodies", "why"), [
+    ('body1="a" body2="fixed"', "the bodies are fixed to each other"),
+    ('body1="a" body2="ball"', "documents do not support loops that contain a free joint"),
+    ('body1="ball"', "the equality does not connect two links"),
+])
+def test_loops_that_documents_do_not_support_are_lost(bodies: str, why: str, tmp_path: Path) -> None:
+    imported = _imported(tmp_path, f"""\
+<mujoco>
+  <worldbody>
+    <body name="base"><freejoint/><geom size="0.1"/>
+      <body name="a" pos="0.3 0 0"><joint axis="0 1 0"/><geom size="0.1"/>
+        <body name="fixed" pos="0.3 0 0"><geom size="0.1"/></body>
+      </body>
+    </body>
+    <body name="ball" pos="0 0 1"><freejoint/><geom size="0.1"/></body>
+  </worldbody>
+  <equality><connect name="tie" {bodies} anchor="0 0 0"/></equality>
+</mujoco>
+""")
+    assert [loss.why for loss in imported.losses if loss.what == "equality `tie`"] == [why]
+
+
 def test_hidden_wrapping_geom_is_not_a_shape() -> None:
     imported = import_robot(str(ROBOTS / "cables.xml"), Report())
     assert imported is not None
@@ -227,6 +249,32 @@ def test_generated_names_do_not_collide_with_source_names(tmp_path: Path) -> Non
     assert [loss.what for loss in imported.losses] == [
         "a `timestep` of -1", "`<statistic>`", "`<extension>`", "the original file of mesh `a`",
     ]
+
+
+@pytest.mark.parametrize(("second", "exact"), [(0.4, True), (0.9, False)])
+def test_gravity_compensation_of_fixed_bodies(second: float, exact: bool, tmp_path: Path) -> None:
+    """Bodies that are fixed to each other, or to the world, are one link: their force has the same sum, and different values are a loss."""
+    imported = _imported(tmp_path, f"""\
+<mujoco>
+  <worldbody>
+    <geom type="box" size="1 1 0.1" pos="0 0 -3"/>
+    <body name="post" gravcomp="0.9">
+      <geom size="0.1"/>
+      <body name="arm" gravcomp="0.4" pos="0.2 0 0">
+        <joint name="lift" type="slide" axis="0 0 1"/><geom size="0.05" mass="1"/>
+        <body name="tip" gravcomp="{second}" pos="0.2 0 0"><geom size="0.05" mass="3"/></body>
+      </body>
+    </body>
+  </worldbody>
+</mujoco>
+""")
+    assert [loss.what for loss in imported.losses if "gravcomp" in loss.what] == [
+        "the different `gravcomp` of bodies fixed to `arm`",
+    ] * (not exact)
+    model = thingc.compile(tmp_path / "out" / imported.document).modes["source"].model()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert data.qfrc_gravcomp[0] == pytest.approx(9.81 * (1 * 0.4 + 3 * second), rel=1e-9)
 
 
 def test_mesh_with_several_objects_collides_as_a_whole(tmp_path: Path) -> None:

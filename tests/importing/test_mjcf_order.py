@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import mujoco
@@ -60,6 +61,7 @@ SOURCE = """\
     <jointpos joint="hip.L"/>
     <jointpos name="second" joint="hip.R"/>
     <actuatorfrc name="torn" actuator="again"/>
+    <force name="base" site="imu"/>
     <gyro name="turning" site="imu"/>
     <jointlimitpos name="near" joint="knee"/>
     <subtreecom name="leg" body="left"/>
@@ -115,6 +117,12 @@ def test_controls_and_sensordata_have_the_source_order(tmp_path: Path) -> None:
         numpy.testing.assert_allclose(other.sensordata[: theirs.nsensordata], one.sensordata, rtol=1e-7, atol=1e-9)
 
 
+def test_a_single_sensor_precedes_the_other_readings_of_its_joint(tmp_path: Path) -> None:
+    text = re.sub("(?s)<sensor>.*</sensor>", '<sensor><jointvel joint="hip.R"/></sensor>', SOURCE)
+    model = thingc.compile(tmp_path / imported_from(text, tmp_path).document).modes["source"].model()
+    assert model.nsensor == 3 and model.sensor_type[0] == mujoco.mjtSensor.mjSENS_JOINTVEL
+
+
 def test_order_is_equal_for_every_root_and_nested_document(tmp_path: Path) -> None:
     (tmp_path / "source.xml").write_text(SOURCE)
     imported = import_robot(str(tmp_path / "source.xml"), Report(), ImportRequest(roots=["shank"]))
@@ -134,7 +142,7 @@ modes:
     modes = {name: mode.model() for name, mode in thingc.compile(tmp_path / "robot.yaml").modes.items()}
     source, turned = modes["source"], modes["shank"]
     assert names_of(turned, actuator, turned.nu) == names_of(source, actuator, source.nu)
-    assert names_of(turned, sensor, 13) == names_of(source, sensor, 13)
+    assert names_of(turned, sensor, 14) == names_of(source, sensor, 14)
     both = thingc.compile(tmp_path / "both.yaml").modes["stand"].model()
     own = [name for name in names_of(source, actuator, source.nu) if name != "shank/suck"]  # a mode states what adheres
     assert names_of(both, actuator, both.nu) == [f"{robot}/{name}" for robot in ("one", "two") for name in own]

@@ -103,7 +103,8 @@ def quote(name: str) -> str:
 def raw_lines(naming: DocumentNaming) -> Iterator[str]:
     """Yield the lines of the section `raw: {mjcf: ...}`. Yield nothing if the section would be empty."""
     tree, added = raw_of(naming), naming.robot.added
-    orders = {kind: order for kind in naming.robot.order if len(order := order_of(naming, kind)) > 1}
+    fewest = {"actuator": 2, "sensor": 1}  # a sensor of a document can have more readings than that of the source
+    orders = {kind: order for kind in naming.robot.order if len(order := order_of(naming, kind)) >= fewest[kind]}
     if tree or added or orders:
         yield "  mjcf:"
     for kind, things in tree.items():

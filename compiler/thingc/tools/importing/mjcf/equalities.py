@@ -14,6 +14,7 @@ from thingc.tools.importing.mjcf.compiled_source import SITE, SOLIMP, SOLREF, Co
 from thingc.tools.importing.mjcf.drives import Actuators
 from thingc.tools.importing.source_model import FAR, Kind, Raw, SourceJoint, SourceLimits, SourceLoop, SourceMimic
 
+FREE, BALL, SLIDE, HINGE = 0, 1, 2, 3
 CONNECT, WELD, JOINT = 0, 1, 2
 SOFTNESS = {"solref": "eq_solref", "solimp": "eq_solimp"}
 """Maps the attributes of equality constraints that documents cannot express to arrays of MuJoCo models."""
@@ -32,7 +33,7 @@ class Equalities:
     def __init__(self, original: CompiledSource, drives: Actuators, on: Mapping[int, tuple[int, Pose]], added: Added) -> None:
         self.original, self.model, self.drives, self.on = original, original.model, drives, on
         self.follows: dict[int, SourceMimic] = {}
-        loops = []
+        self.loops: list[SourceLoop] = []
         for number in range(self.model.neq):
             kind = int(self.model.eq_type[number])
             why = ""
@@ -41,14 +42,11 @@ class Equalities:
             elif kind == JOINT:
                 why = self._follow(number)
             elif kind in (CONNECT, WELD):
-                loop = self._loop(number)
-                why = "the equality does not connect two links" if loop is None else ""
-                loops += [] if loop is None else [loop]
+                why = self._loop(number)
             elif not added.equality(number):
                 why = "documents only support equalities that couple joints or close loops"
             if why:
                 original.lose("equality", number, f"equality `{original.equalities[number]}`", why)
-        self.loops = tuple(loops)
 
     def _raw(self, number: int, otherwise: dict[str, str]) -> Raw:
         return differing(self.original.texts(number, SOFTNESS), otherwise)
@@ -80,22 +78,30 @@ class Equalities:
         )
         return ""
 
-    def _loop(self, number: int) -> SourceLoop | None:
-        ends = [*self._ends(number)]
-        if len(ends) < 2 or ends[0][0] == ends[1][0]:
-            return None
-        return SourceLoop(
-            name=self.original.equalities[number].removesuffix(":loop"),  # thingc appends this suffix
-            kind="ball" if int(self.model.eq_type[number]) == CONNECT else "fixed", ends=(ends[0], ends[1]),
-            where=self.original.where("equality", number), raw=self._raw(number, {}),
-            equality=self.original.written["equality"][number].name,
-        )
+    def _loop(self, number: int) -> str:
+        """Convert an equality constraint between two bodies to a closed loop, and add the loop to `loops`.
 
-    def _ends(self, number: int) -> Iterator[tuple[str, Pose]]:
-        """Yield the two imported links that an equality constraint connects.
-
-        Each link is paired with the pose of the connection in the frame of the link.
+        Return the reason why a document cannot express the equality, or an empty string if the loop was added.
         """
+        model, original, ends = self.model, self.original, [*self._ends(number)]
+        tops = {int(model.body_rootid[body]) for body, _ in ends}
+        if len(ends) < 2:
+            return "the equality does not connect two links"
+        if len({int(model.body_weldid[body]) for body, _ in ends}) < 2:
+            return "the bodies are fixed to each other"
+        if len(tops) > 1 and any(model.jnt_type[joint] == FREE for top in tops for joint in original.joints_of[top]):
+            return "documents do not support loops that contain a free joint"
+        (one, place), (other, other_place) = ((self.on[body], pose) for body, pose in ends)
+        self.loops.append(SourceLoop(
+            name=original.equalities[number].removesuffix(":loop"),  # thingc appends this suffix
+            kind="ball" if int(model.eq_type[number]) == CONNECT else "fixed",
+            ends=((original.bodies[one[0]], one[1] @ place), (original.bodies[other[0]], other[1] @ other_place)),
+            where=original.where("equality", number), raw=self._raw(number, {}), equality=original.written["equality"][number].name,
+        ))
+        return ""
+
+    def _ends(self, number: int) -> Iterator[tuple[int, Pose]]:
+        """Yield the imported bodies that an equality constraint connects, and the pose of the connection in the frame of each body."""
         model, data = self.model, floats(self.model.eq_data[number])
         for index, thing in enumerate((int(model.eq_obj1id[number]), int(model.eq_obj2id[number]))):
             if int(model.eq_objtype[number]) == SITE:
@@ -105,8 +111,7 @@ class Equalities:
             else:
                 body, pose = thing, NO_POSE if index else pose_of(data[3:6], data[6:10])
             if body in self.on:
-                link, place = self.on[body]
-                yield self.original.bodies[link], place @ pose
+                yield body, pose
 
 
 def _shift(coefficients: Sequence[float], by: float) -> list[float]:
@@ -115,9 +120,6 @@ def _shift(coefficients: Sequence[float], by: float) -> list[float]:
         sum_of(one * math.comb(power, k) * (-by) ** (power - k) for power, one in enumerate(coefficients) if power >= k)
         for k in range(len(coefficients))
     ]
-
-
-FREE, BALL, SLIDE, HINGE = 0, 1, 2, 3
 
 
 def joint_of(original: CompiledSource, joint: int, drives: Actuators, couplings: Equalities) -> SourceJoint:

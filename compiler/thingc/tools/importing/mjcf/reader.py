@@ -15,7 +15,7 @@ from thingc.base.pose import NO_POSE, Pose, multiply, transpose
 from thingc.tools.importing.mjcf.adding import Added
 from thingc.tools.importing.mjcf.compiled_source import WORLD, CompiledSource, floats, numbers, pose_of
 from thingc.tools.importing.mjcf.drives import Actuators
-from thingc.tools.importing.mjcf.equalities import Equalities, free_joint, joint_of
+from thingc.tools.importing.mjcf.equalities import BALL, FREE, Equalities, free_joint, joint_of
 from thingc.tools.importing.mjcf.flattened_source import ABSENT, FlattenedSource
 from thingc.tools.importing.mjcf.sensing import Sensing
 from thingc.tools.importing.mjcf.settings import options, poses, simulation, touching
@@ -26,7 +26,7 @@ from thingc.tools.importing.source_model import SOURCE_MODE, Attachment, SourceB
 from thingc.tools.importing.tree import MOST_LINKS, downwards
 from thingc.tools.importing.xml_source import SourceElement
 
-FREE, PLANE = 0, 0
+PLANE = 0
 _ALIKE = 1e-9
 
 
@@ -107,14 +107,15 @@ class _Reader:
         sites = {site for site in range(self.model.nsite) if int(self.model.site_bodyid[site]) in bodies}
         heads = self._heads(carriers, root)
         tendons = Tendons(self.original, joints, sites, carriers, heads)
-        rigid_links = [self._link(body, carriers) for body in links]
+        rigid_links = [self._link(body, carriers, heads) for body in links]
         added = Added(self.original, {"joint": joints, "site": sites, "geom": self.shapes.shown}, tendons, heads)
         drives = Actuators(self.original, joints, tendons, carriers, added)
         couplings = Equalities(self.original, drives, carriers, added)
         between: list[SourceLink] = []
         attachments = [one for body in links if body != root for one in self._attachments(body, carriers, between, drives, couplings)]
         base: SourceBase = "free" if root in self.free else "held" if root in self.mocap else "fixed"
-        sensed = Sensing(self.original, carriers, added, drives.driven, root).all()
+        floating = {body for body in heads if heads[body] == root} if base == "free" else set[int]()
+        sensed = Sensing(self.original, carriers, added, drives.driven, root, floating).all()
         excluded = touching(self.original, carriers, heads, None if base == "free" else root, added)
         gravity = floats(self.model.opt.gravity)
         joints_by_name = {joint.name: joint for one in attachments for joint in one.joints}
@@ -127,7 +128,7 @@ class _Reader:
         return SourceRobot(
             name=_name(named), where=named.place("model"), root=self.original.bodies[root], links=(*rigid_links, *between),
             attachments=tuple(attachments), base=base, pose=NO_POSE if root == WORLD else self._pose(root),
-            losses=self.original.losses.all(), loops=couplings.loops, adhesions=drives.adhesions,
+            losses=self.original.losses.all(), loops=tuple(couplings.loops), adhesions=drives.adhesions,
             tendons=tendons.with_drives(drives.of_tendon), sensors=sensed, poses=states, excluded=excluded,
             added=tuple(added.elements),
             free_joint=self.original.written["joint"][free].name if base == "free" else "",
@@ -154,7 +155,7 @@ class _Reader:
         self._lose_indices("data.ctrl", [1] * self.model.nu, sorted(added.kept["actuator"]))
         self._lose_indices("data.sensordata", self.model.sensor_dim, [k for k, name in self.original.sensors.items() if name in sensed])
         order = self._joint_order(root, attachments)
-        for array, sizes in (("data.qpos", {FREE: 7, 1: 4}), ("data.qvel", {FREE: 6, 1: 3})):
+        for array, sizes in (("data.qpos", {FREE: 7, BALL: 4}), ("data.qvel", {FREE: 6, BALL: 3})):
             self._lose_indices(array, [sizes.get(int(one), 1) for one in self.model.jnt_type], order)
 
     def _joint_order(self, root: int, attachments: Sequence[Attachment]) -> list[int]:
@@ -194,6 +195,10 @@ class _Reader:
         original, (parent, pose) = self.original, on[self.parents[body]]
         name, above, place, where = original.bodies[body], original.bodies[parent], pose @ self._pose(body), original.where("body", body)
         *inner, last = self.joints[body] or [-1]
+        if inner and BALL in self.model.jnt_type[self.joints[body]]:
+            message = f"body `{name}` has a ball joint and other joints"
+            help = "move the ball joint to a body of its own, with a small mass"
+            self.report.add(Code.SOURCE_TREE, message, where, help=help)
         for joint in inner:
             link_name = f"{name} {original.joints[joint]}"
             while link_name in self.link_names:
@@ -276,7 +281,7 @@ class _Reader:
                 heads[body] = body if self.joints[body] else heads[self.parents[body]]
         return heads
 
-    def _link(self, body: int, on: dict[int, tuple[int, Pose]]) -> SourceLink:
+    def _link(self, body: int, on: dict[int, tuple[int, Pose]], heads: dict[int, int]) -> SourceLink:
         original, where = self.original, self.original.flat.root.where if body == WORLD else self.original.where("body", body)
         if body in self._mounts:
             return SourceLink(name=original.bodies[body], where=where)
@@ -288,11 +293,21 @@ class _Reader:
             for of in self._carried[body] for site in original.sites_of[of]
         )
         frames = tuple(original.sites[site] for site in original.frames_of[body])
-        gravcomp = float(self.model.body_gravcomp[body])
+        gravcomp = self._gravcomp([one for one in heads if heads[one] == body])
         return SourceLink(
             name=original.bodies[body], where=where, weight=self._weight(body), shapes=self.shapes.of(body), sites=sites,
             frames=frames, raw=(("gravcomp", numbers(gravcomp)),) if gravcomp else (),
         )
+
+    def _gravcomp(self, bodies: Sequence[int]) -> float:
+        """Return the mean gravity compensation of bodies that are fixed to each other. Record a loss if their values differ."""
+        heavy = [body for body in bodies if self.model.body_mass[body] > 0.0 and self.model.body_weldid[body] != WORLD]
+        values = self.model.body_gravcomp[heavy]
+        if len(set(values)) < 2:
+            return float(values[0]) if heavy else 0.0
+        what = f"the different `gravcomp` of bodies fixed to `{self.original.bodies[heavy[0]]}`"
+        self.original.lose("body", heavy[0], what, "bodies that are fixed to each other are one link, which gets the mean")
+        return float(values @ self.model.body_mass[heavy] / self.model.body_mass[heavy].sum())
 
     def _weight(self, body: int) -> Weight | None:
         mass = float(self.model.body_mass[body])

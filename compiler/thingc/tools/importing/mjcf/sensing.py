@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Pose
@@ -36,15 +36,16 @@ class Sensing:
     """Reads the sensors and cameras of a MuJoCo model.
 
     `on` maps each imported body to a link and the pose of the body in this link. `driven` maps the index of an actuator to the driven joint
-    or tendon, and `root` is the root body.
+    or tendon, `root` is the root body, and `floating` contains the bodies that are fixed to a free root.
     """
 
     def __init__(
         self, original: CompiledSource, on: Mapping[int, tuple[int, Pose]], added: Added, driven: Mapping[int, SourceTarget], root: int,
+        floating: Set[int],
     ) -> None:
         import mujoco
 
-        self.original, self.model, self.on, self.driven, self.root = original, original.model, on, driven, root
+        self.original, self.model, self.on, self.driven, self.root, self.floating = original, original.model, on, driven, root, floating
         self.added, self.tendons = added, added.tendons
         types = mujoco.mjtSensor.__members__.items()
         self.kinds: dict[int, str] = {int(value): name.removeprefix("mjSENS_").lower() for name, value in types}
@@ -109,6 +110,8 @@ class Sensing:
             return None
         if kind == "touch" and int(model.site_type[site]) not in KINDS:
             return None
+        if kind == "force" and int(model.site_bodyid[site]) in self.floating:
+            return None  # documents measure the force between links, and a free root has no parent
         return _Place(kind=kind, site=sites[site], seen_from=sites[reference] if reference >= 0 else None)
 
     def _sensor(self, place: _Place, readings: list[tuple[int, ReadingName]]) -> SourceSensor:
