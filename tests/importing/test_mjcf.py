@@ -186,6 +186,34 @@ def test_equality_residual_equals_the_source(equality: str, tmp_path: Path) -> N
         assert found[0] > 0.01 and found[1] == pytest.approx(found[0], abs=1e-12)
 
 
+@pytest.mark.parametrize(("joints", "equality"), [
+    ('<joint name="x" type="slide" axis="1 0 1"/><joint name="y" type="ball"/>', ""),
+    ('<joint name="x" axis="0 1 0" damping="1"/><joint name="y" axis="1 0 0" damping="1"/>',
+     '<connect body1="tip" body2="base" anchor="0 0 0.1"/>'),
+])
+def test_intermediate_links_with_ball_joints_or_on_loops_get_a_small_mass(joints: str, equality: str, tmp_path: Path) -> None:
+    text = f"""\
+<mujoco>
+  <worldbody>
+    <body name="base"><geom size="0.1" contype="0"/><joint name="a" axis="0 1 1" damping="1"/>
+      <body name="tip" pos="0.3 0 0.1">{joints}<geom type="box" size="0.1 0.05 0.2" pos="0.1 0 0" contype="0"/></body>
+    </body>
+  </worldbody>
+  <equality>{equality}</equality>
+</mujoco>
+"""
+    imported, ends = _imported(tmp_path, text), []
+    assert [loss.what for loss in imported.losses if "mass" in loss.what] == ["the missing mass between the joints of body `tip`"]
+    for model in (mujoco.MjModel.from_xml_string(text), thingc.compile(tmp_path / "out" / imported.document).modes["source"].model()):
+        data = mujoco.MjData(model)
+        data.qvel[:] = numpy.linspace(0.5, 1.0, model.nv)
+        for _ in range(50):
+            mujoco.mj_step(model, data)
+        ends.append(data.body("tip").xmat)
+    numpy.testing.assert_allclose(ends[1], ends[0], atol=1e-5)
+    assert abs(ends[0] - numpy.eye(3).ravel()).max() > 0.05
+
+
 @pytest.mark.parametrize(("bodies", "why"), [
     ('body1="a" body2="fixed"', "the bodies are fixed to each other"),
     ('body1="a" body2="ball"', "documents do not support loops that contain a free joint"),

@@ -25,15 +25,16 @@ STIFF = {"solref": SOLREF, "solimp": "0.9999 0.9999 0.001 0.5 2"}
 class Equalities:
     """Converts the equality constraints of a MuJoCo model to mimics and closed loops.
 
-    `follows` maps the index of a joint to its mimic, which couples the joint to another joint. `loops` are the closed loops. Other
-    equalities are `added` to the MuJoCo model unchanged, or recorded as losses. `on` maps each imported body to a link and the pose of the
-    body in this link.
+    `follows` maps the index of a joint to its mimic, which couples the joint to another joint. `loops` are the closed loops, and the
+    joints of the bodies `looping` are part of loops. Other equalities are `added` to the MuJoCo model unchanged, or recorded as losses.
+    `on` maps each imported body to a link and the pose of the body in this link.
     """
 
     def __init__(self, original: CompiledSource, drives: Actuators, on: Mapping[int, tuple[int, Pose]], added: Added) -> None:
         self.original, self.model, self.drives, self.on = original, original.model, drives, on
         self.follows: dict[int, SourceMimic] = {}
         self.loops: list[SourceLoop] = []
+        self.looping: set[int] = set()
         for number in range(self.model.neq):
             kind = int(self.model.eq_type[number])
             why = ""
@@ -91,6 +92,7 @@ class Equalities:
             return "the bodies are fixed to each other"
         if len(tops) > 1 and any(model.jnt_type[joint] == FREE for top in tops for joint in original.joints_of[top]):
             return "documents do not support loops that contain a free joint"
+        self.looping |= self._path_to_world(ends[0][0]) ^ self._path_to_world(ends[1][0])
         (one, place), (other, other_place) = ((self.on[body], pose) for body, pose in ends)
         self.loops.append(SourceLoop(
             name=original.equalities[number].removesuffix(":loop"),  # thingc appends this suffix
@@ -99,6 +101,9 @@ class Equalities:
             where=original.where("equality", number), raw=self._raw(number, {}), equality=original.written["equality"][number].name,
         ))
         return ""
+
+    def _path_to_world(self, body: int) -> set[int]:
+        return {body} | (self._path_to_world(int(self.model.body_parentid[body])) if body else set())
 
     def _ends(self, number: int) -> Iterator[tuple[int, Pose]]:
         """Yield the imported bodies that an equality constraint connects, and the pose of the connection in the frame of each body."""

@@ -12,6 +12,7 @@ from thingc.base.diagnostics import Code, Report
 from thingc.base.generated_header import mode_of
 from thingc.base.inertia import MassProperties, symmetric
 from thingc.base.pose import NO_POSE, Pose, multiply, transpose
+from thingc.targets.urdf.links import SMALL_MASS
 from thingc.tools.importing.mjcf.adding import Added
 from thingc.tools.importing.mjcf.compiled_source import WORLD, CompiledSource, floats, numbers, pose_of
 from thingc.tools.importing.mjcf.drives import Actuators
@@ -190,21 +191,22 @@ class _Reader:
     ) -> Iterator[Attachment]:
         """Yield the attachments that connect a body to its parent, one for each joint of the body.
 
-        The method appends the massless intermediate links between these joints to `between`.
+        The method appends the intermediate links between these joints to `between`. They are massless if documents support this.
         """
         original, (parent, pose) = self.original, on[self.parents[body]]
         name, above, place, where = original.bodies[body], original.bodies[parent], pose @ self._pose(body), original.where("body", body)
         *inner, last = self.joints[body] or [-1]
-        if inner and BALL in self.model.jnt_type[self.joints[body]]:
-            message = f"body `{name}` has a ball joint and other joints"
-            help = "move the ball joint to a body of its own, with a small mass"
-            self.report.add(Code.SOURCE_TREE, message, where, help=help)
+        light = None
+        if inner and (BALL in self.model.jnt_type[self.joints[body]] or body in couplings.looping):
+            light = Weight(properties=SMALL_MASS, where=where)
+            what = f"the missing mass between the joints of body `{name}`"
+            self.original.lose("body", body, what, f"ball joints and loops need a link with mass, so {SMALL_MASS.mass:g} kg are added")
         for joint in inner:
             link_name = f"{name} {original.joints[joint]}"
             while link_name in self.link_names:
                 link_name += "_"
             self.link_names.add(link_name)
-            between.append(SourceLink(name=link_name, where=original.where("joint", joint)))
+            between.append(SourceLink(name=link_name, where=original.where("joint", joint), weight=light))
             yield Attachment(
                 name=link_name, parent=above, child=link_name, pose=place, where=original.where("joint", joint),
                 joints=(joint_of(original, joint, drives, couplings),),
