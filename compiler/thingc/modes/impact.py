@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.modes.cut_joints import constraint_projector, coordinates, usual
 from thingc.modes.frames import Array, cross, cross_matrix, inverse
 from thingc.modes.kinematics import kinematics
@@ -19,8 +18,7 @@ RANK = 1e-10
 """Singular values that are smaller than this fraction of the largest singular value are treated as 0."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Impact(OneLineRepr):
+class Impact(OneLineStruct, eq=False):
     """The effect of a mode switch on a link that the new mode holds.
 
     Attributes:

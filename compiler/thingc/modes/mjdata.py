@@ -7,12 +7,12 @@ not import MuJoCo, because a `MjData` provides its own model.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, TypeVar
 
 import numpy as np
 
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.modes import free_joints
 from thingc.modes.addresses import Addresses
 from thingc.modes.errors import ModesError, WrongData
@@ -34,8 +34,7 @@ RESULTS = 8
 """Maximum number of MuJoCo models per mode for which results are cached."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ModelMap:
+class ModelMap(FrozenStruct, eq=False):
     """The indices of the elements of a robot in a MuJoCo model of one of its modes.
 
     Attributes:

@@ -7,18 +7,16 @@ the axes of the root link (`ball`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.modes.frames import Array, cross, inverse, pose, quaternion_of, rotation, rotation_of
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class PartBase(OneLineRepr):
+class PartBase(OneLineStruct, eq=False):
     """A planar or ball base of a mode (see `kind`).
 
     The module docstring defines frame A, its pose `X_WA` (4, 4), and the initial pose `X0_WR` (4, 4) of the root link.

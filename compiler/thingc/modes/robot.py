@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal, get_args
 
 import numpy as np
+from msgspec.structs import replace
 
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.suggestions import did_you_mean
 from thingc.modes import mjdata, modes_file
 from thingc.modes.errors import BaseElsewhere, BaseMoves, ModesError, UnknownMode
@@ -25,8 +25,7 @@ OnMotion = Literal["raise", "drop", "impact"]
 CHOICES: tuple[OnMotion, ...] = get_args(OnMotion)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class SwitchResult(OneLineRepr):
+class SwitchResult(OneLineStruct, eq=False):
     """The result of switching a robot from one mode to another.
 
     Attributes:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from thingc.base.numeric import sum_of
-from thingc.base.one_line_repr import OneLineRepr
+from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.suggestions import did_you_mean
 from thingc.modes import free_joints
 from thingc.modes.addresses import Addresses
@@ -20,8 +19,7 @@ from thingc.modes.partial_bases import PartBase
 from thingc.modes.state import RobotState, State
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Ball(OneLineRepr):
+class Ball(OneLineStruct, eq=False):
     """A ball joint, or the rotations of a free joint, in the kinematic tree of a mode.
 
     `name` is the name of the joint in the MuJoCo model, and `coordinates` lists the names of the three coordinates in document order. If
@@ -53,8 +51,7 @@ class Ball(OneLineRepr):
         return q, rotation(q).T @ v if self.reversed else v
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Inertias(OneLineRepr):
+class Inertias(OneLineStruct, eq=False):
     """The mass properties of the n links of a robot, and the armatures of its m joint coordinates.
 
     `mass` (n,) [kg], `centre` (n, 3) [m] and `inertia` (n, 3, 3) [kg m^2] have one row for each link. The centre of mass is in the link
@@ -68,8 +65,7 @@ class Inertias(OneLineRepr):
     armature: Array
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Link(OneLineRepr):
+class Link(OneLineStruct, eq=False):
     """A rigid body of the robot, with its mass properties and its pose at q = 0.
 
     `X_root_link` (4, 4) is the pose of the link relative to the root link when all joint coordinates are 0. `mass` [kg], the centre of mass
@@ -85,8 +81,7 @@ class Link(OneLineRepr):
     fixed_to: int | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Mimic(OneLineRepr):
+class Mimic(OneLineStruct):
     """A coupling of a joint to another joint, as in URDF's `<mimic>`, with an optional polynomial.
 
     The coordinate of the joint is q = offset + multiplier x + higher[0] x^2 + ..., where x is the coordinate of the leading joint `joint`.
@@ -106,8 +101,7 @@ class Mimic(OneLineRepr):
         return self.multiplier + sum_of(k * c * x ** (k - 1) for k, c in enumerate(self.higher, start=2))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Joint(OneLineRepr):
+class Joint(OneLineStruct, eq=False):
     """A single coordinate of a joint between two links. `parent` and `child` are indices into `Mode.links`.
 
     `first` is True for the first coordinate of a joint. `X_PJ` (4, 4) is the pose of the coordinate's frame in the previous frame. The
@@ -144,8 +138,7 @@ class Joint(OneLineRepr):
         return next(iter(self.in_model))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Hold(OneLineRepr):
+class Hold(OneLineStruct, eq=False):
     """A mount that a mode holds in the world, in addition to its root mount.
 
     `path` is the path of the mount, and `link` is the index of the link to which the mount belongs. `X_LM` (4, 4) is the pose of the mount
@@ -161,8 +154,7 @@ class Hold(OneLineRepr):
     turns: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Cut(OneLineRepr):
+class Cut(OneLineStruct, eq=False):
     """A joint that closes a loop, and is therefore not part of the kinematic tree of the mode.
 
     The joint connects a frame A on the link `parent` to a frame B on the link `child`. `parent` and `child` are indices of links, and
@@ -180,8 +172,7 @@ class Cut(OneLineRepr):
     twists: Array
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Mode(OneLineRepr):
+class Mode(OneLineStruct, eq=False):
     """A mode of a robot: its kinematic tree of links and joints, its base, and the mounts that are held in the world.
 
     Attributes:
@@ -214,7 +205,7 @@ class Mode(OneLineRepr):
     named: Mapping[str, Mapping[str, float]]
     holds: tuple[Hold, ...] = ()
     cuts: tuple[Cut, ...] = ()
-    bases: Mapping[str, Array] = field(default_factory=dict)
+    bases: Mapping[str, Array] = {}
     standing_on: tuple[str, ...] = ()
     tendons: tuple[tuple[float, Mapping[str, float]], ...] = ()
     part: PartBase | None = None

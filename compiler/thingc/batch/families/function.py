@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+from msgspec.structs import replace
 
 from thingc.base.diagnostics import Diagnostic, Severity
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import Quantity
 from thingc.batch.families.evaluation import Evaluation
@@ -68,8 +70,7 @@ class FamilyJacobian(np.ndarray[Any, np.dtype[np.float64]]):
         self.error = None
 
 
-@dataclass(frozen=True)
-class RestrictedPlan:
+class RestrictedPlan(FrozenStruct, eq=False, dict=True):
     """A plan that computes only those outputs that a `FamilyFunction` needs.
 
     For names on which no part depends, `traced` maps the index of the name to the index of its variable in the plan. For names on which
@@ -249,7 +250,7 @@ class FamilyFunction:
             names = {self.names.index(name): place for place, name in enumerate(parsed.names) if name in self.names}
             free = {name: plan.free.index(place) for name, place in sorted(names.items()) if place in plan.free}
             self._plans[id(plan)] = RestrictedPlan(
-                plan=plan, restricted=replace(plan, program=replace(plan.program, outputs=outputs)),
+                plan=plan, restricted=dataclasses.replace(plan, program=replace(plan.program, outputs=outputs)),
                 traced={name: place for name, place in free.items() if name not in parts},
                 modelled={name: place for name, place in free.items() if name in parts},
             )

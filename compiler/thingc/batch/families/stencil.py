@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch.plans.columns import Floats
 
 FINE = 1e-4
@@ -16,8 +15,7 @@ ROUNDING = 1e-15
 """Relative rounding error of a value, which limits the accuracy of a difference quotient."""
 
 
-@dataclass(frozen=True, eq=False)
-class Stencil:
+class Stencil(FrozenStruct, kw_only=False, eq=False):
     """Five values of a number, from which derivatives by this number are estimated.
 
     Attributes:

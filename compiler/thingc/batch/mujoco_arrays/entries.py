@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
+
+from thingc.base.frozen_struct import FrozenStruct
 
 if TYPE_CHECKING:
     import mujoco
@@ -71,8 +72,7 @@ _KINDS = {**dict.fromkeys(("position", "velocity", "motor", "adhesion"), "actuat
 """For MJCF tags whose accessor in `MjModel` has a different name, the name of this accessor."""
 
 
-@dataclass(frozen=True)
-class Write:
+class Write(FrozenStruct, kw_only=False, eq=False):
     """The elements of a model field that depend on numbers, as arrays of flat indices, columns of the numbers, and signs."""
 
     at: np.ndarray[Any, np.dtype[np.int_]]

@@ -12,12 +12,13 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch.plans.columns import Floats
 from thingc.batch.plans.program import Argument, Operation, Program, namespace, operand
 from thingc.batch.plans.tape import OPERATORS, Const, Ref
@@ -39,8 +40,7 @@ class NotSmooth(Exception):
         self.why = why
 
 
-@dataclass(frozen=True)
-class Partials:
+class Partials(FrozenStruct, kw_only=False):
     """The partial derivatives of an operation as Python expressions.
 
     The placeholders `{0}`, `{1}` ... represent the arguments, and `{r}` represents the result. For an operation with a variable number of
@@ -99,17 +99,12 @@ EXTREMES = ("min", "max")
 ROTATION = ("cosine of", "sine of")
 
 
-@dataclass(frozen=True)
-class Step:
+class Step(Operation, kw_only=False, dict=True):
     """An operation of a program together with its partial derivatives.
 
-    `target` is the index of the computed value. `arguments` contains the arguments, and `varying` contains the positions of arguments that
-    depend on variables.
+    `varying` contains the positions of arguments that depend on variables.
     """
 
-    target: int
-    operation: str
-    arguments: tuple[Argument, ...]
     varying: tuple[int, ...]
 
     @cached_property
@@ -133,8 +128,7 @@ class Step:
         return self.code(self.rule.kink) if self.rule.kink else ""
 
 
-@dataclass(frozen=True)
-class Derivatives:
+class Derivatives(FrozenStruct, kw_only=False, eq=False):
     """The values `(m,)` of the outputs of a program, and the derivatives `(m, n)` of these outputs by n variables.
 
     Derivatives that depend on an operation without a rule are NaN. `special` contains the columns of variables on which a comparison of

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 from thingc.base import numeric
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.batch.plans.tape import OPERATORS, Const, Ref, Tape, Traced, lines_needed
 
 Argument = Ref | Const
@@ -24,8 +24,7 @@ def namespace(operations: Mapping[str, Callable[..., Any]] = {}) -> dict[str, An
     return {"inf": numeric.inf, "nan": numeric.nan, "log": math.log, **numeric.OPERATIONS, **operations}
 
 
-@dataclass(frozen=True, slots=True)
-class Operation:
+class Operation(FrozenStruct, kw_only=False):
     """A statement of a program that computes the value with the index `target` from constants and from values with other indices."""
 
     target: int
@@ -33,8 +32,7 @@ class Operation:
     arguments: tuple[Argument, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Guard:
+class Guard(FrozenStruct, kw_only=False):
     """A condition on the variables of a program.
 
     The program applies only to values of the variables for which the operation returns `outcome`.
@@ -45,8 +43,7 @@ class Guard:
     outcome: bool
 
 
-@dataclass(frozen=True, eq=False)
-class Program:
+class Program(FrozenStruct, kw_only=False, eq=False, dict=True):
     """A program that computes the numbers `outputs` from the variables of a tape.
 
     The program repeats the operations of the compiler on double-precision floats in the same order. The results of a program are therefore
@@ -56,7 +53,7 @@ class Program:
     variables: tuple[int, ...]
     statements: tuple[Operation | Guard, ...]
     outputs: tuple[Argument, ...]
-    operations: Mapping[str, Callable[..., Any]] = field(default_factory=dict, compare=False)
+    operations: Mapping[str, Callable[..., Any]] = {}
     """Operations of the tape in addition to the operations of `base/numeric.py`, by name."""
 
     @cached_property

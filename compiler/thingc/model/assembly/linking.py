@@ -5,13 +5,15 @@ The result does not depend on the root of a mode.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Container, Mapping, Sequence
+from collections.abc import Collection, Container, Iterator, Mapping, Sequence
 
 from msgspec.structs import asdict, replace
 
 from thingc.base.diagnostics import Code, Report
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.memo import Memo
 from thingc.base.pose import NO_POSE, Pose
+from thingc.documents.checks import kinds
 from thingc.geometry.record import PartFailure, PartRecord
 from thingc.model.assembly.inertia_checks import check_links, check_stated
 from thingc.model.assembly.instance_tree import Instance, Tree
@@ -26,9 +28,8 @@ from thingc.model.assembly.plausibility import check_plausible
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.shape_links import Meshes
 from thingc.model.assembly.tendons import sensors_of, set_rest_length, tendons_of
-from thingc.model.assembly.tests import tests_of
-from thingc.model.assembly.types import Assembly, Connected, Mate, Occurrence
-from thingc.model.resolve.types import AssemblyDefinition
+from thingc.model.assembly.types import Assembly, Connected, JointEdge, LinkedTendon, LinkedTest, Mate, MountAt, Occurrence
+from thingc.model.resolve.types import AssemblyDefinition, Reference
 
 ABSENT = {"decompose": "convex decomposition", "part": "method `collision()`", "hull": "convex hull", "mesh": "mesh"}
 """The geometry that a collision shape requires, by the value of the key `collision`."""
@@ -73,7 +74,7 @@ def link(
     names = names_of(tree, robot)
     joints = tuple(joint for mate in mates for joint in mate.joints)
     driven = (tendon for tendon in robot.tendons if tendon.actuator is not None)
-    tests = tuple(tests_of(tree, (*joints, *driven)))
+    tests = tuple(_tests(tree, (*joints, *driven)))
     _check(robot, placed_by_at, findings)
     has_loops = any(joint.loop for _, definition in tree.assemblies for joint in definition.joints)
     known = not findings.incomplete or not (findings.earlier or findings.failed or has_loops)
@@ -161,3 +162,32 @@ def _occurrence(index: int, instance: Instance, tree: Tree) -> Occurrence:
         unit=instance.unit, detail=instance.detail,
     )
     return occurrence.in_nested_mode(instance.mode) if "/" in instance.path else occurrence
+
+
+def _tests(tree: Tree, joints: Sequence[JointEdge | LinkedTendon]) -> Iterator[LinkedTest]:
+    """Yield the tests of the top document whose mounts and components are valid. All other tests are reported."""
+    by_path = {joint.path: joint for joint in joints}
+    for test in tree.model.tests:
+        found = {
+            reference: tree.members(tree.top, reference) if reference.mount is None else tree.find(tree.top, reference)
+            for reference in _references(test.check)
+        }
+        link = kinds()[test.kind].link
+        if link is not None:
+            link(test, test.check, by_path, tree.findings)
+        if None not in found.values():
+            mounts = {one: mount for one, mount in found.items() if isinstance(mount, MountAt)}
+            components = {one: members for one, members in found.items() if isinstance(members, tuple)}
+            yield LinkedTest(test=test, mounts=mounts, components=components)
+
+
+def _references(specification: object) -> Iterator[Reference]:
+    """Yield all references in the specification of a test."""
+    if isinstance(specification, Reference):
+        yield specification
+    elif isinstance(specification, tuple):
+        for item in specification:
+            yield from _references(item)
+    elif isinstance(specification, FrozenStruct):
+        for name in specification.__struct_fields__:
+            yield from _references(getattr(specification, name))

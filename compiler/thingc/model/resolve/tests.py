@@ -1,6 +1,6 @@
 """Resolve the tests of a document: names of elements, values with units, and ranges.
 
-References to mounts of parts are resolved later, by `model/assembly/tests.py`.
+References to mounts of parts are resolved later, by `model/assembly/linking.py`.
 """
 
 from __future__ import annotations

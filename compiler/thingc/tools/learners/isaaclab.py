@@ -57,7 +57,7 @@ def _module(robot: Robot) -> bytes:
     ]
     return module(
         robot, "Isaac Lab", ["from pathlib import Path", "\n".join(imports)],
-        [assignment("USD", PythonExpression(file)), assignment(constant(robot, "CFG"), config)],
+        [assignment("USD", PythonExpression(file)), assignment(constant(robot), config)],
     )
 
 

@@ -100,7 +100,7 @@ def _module(robot: Robot) -> bytes:
         robot, "mjlab", ["from pathlib import Path\nfrom xml.etree import ElementTree", "\n".join(imports)],
         [
             f"{assignment('XML', PythonExpression(file))}\n{assignment('DRIVES', names)}", GET_SPEC,
-            assignment("ACTUATORS", tuple(_actuators(drives, time_step(robot)))), assignment(constant(robot, "CFG"), config),
+            assignment("ACTUATORS", tuple(_actuators(drives, time_step(robot)))), assignment(constant(robot), config),
         ],
     )
 

@@ -53,9 +53,9 @@ def file_name(robot: Robot) -> str:
     return _identifier(f"{robot.assembly.name}_{robot.mode.name}")
 
 
-def constant(robot: Robot, suffix: str) -> str:
+def constant(robot: Robot) -> str:
     """Return the name of the Python constant that describes a robot, such as `ARM_CFG`."""
-    return f"{_identifier(robot.assembly.name).upper()}_{suffix}"
+    return f"{_identifier(robot.assembly.name).upper()}_CFG"
 
 
 def _identifier(text: str) -> str:

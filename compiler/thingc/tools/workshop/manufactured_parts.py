@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TypeVar
 
 from thingc.base.diagnostics import Code
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.record import AssemblyFailed, PartDefinition
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.targets import EmitRequest, Loss
@@ -18,8 +18,7 @@ from thingc.tools.grouping import group_by
 Result = TypeVar("Result")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ManufacturedPart:
+class ManufacturedPart(FrozenStruct):
     """Equal parts of one material. `label` is their name in files, and `occurrences` contains the pieces in the order of the document."""
 
     label: str

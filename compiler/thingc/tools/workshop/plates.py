@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from io import BytesIO
 from itertools import chain, count
 from xml.etree.ElementTree import Element, SubElement, tostring
@@ -19,6 +18,7 @@ import rpack
 from numpy.typing import NDArray
 
 from thingc.base.diagnostics import Code, Report
+from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Vector
 from thingc.geometry.record import PartDefinition
 from thingc.geometry.store.local import Store
@@ -39,8 +39,7 @@ GREY = "#c0c0c0"
 """The colour of parts without a colour."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Print:
+class Print(FrozenStruct, eq=False):
     """Equal prints: their mesh in print orientation, with the lowest corner of its bounding box at the origin [mm].
 
     `faces` contains indices of `vertices`. `first` is the first of the `count` occurrences, and `label` is a unique name. `stl` is
