@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from thingc.tools.grouping import group_by
+from thingc.base.grouping import group_by
 
 
 def test_groups_preserve_the_order_of_keys_and_items() -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from thingc.base.grouping import group_by
 from thingc.base.source import ScalarNode
 from thingc.base.units import Quantity
 from thingc.batch.families.search_space import SearchSpace, of_axes, of_parameters
@@ -48,9 +49,7 @@ class DocumentNumbers:
 
     def values(self, items: Sequence[ParsedSettings]) -> list[dict[str, float]]:
         """Return the values [SI] of all numbers for each set of settings, keyed by name, as `RobotFamily.numbers` describes."""
-        forms: dict[Any, list[int]] = {}
-        for place, parsed in enumerate(items):
-            forms.setdefault((parsed.names, parsed.texts), []).append(place)
+        forms = group_by(range(len(items)), lambda place: (items[place].names, items[place].texts))
         numbers_by_place: dict[int, dict[str, float]] = {}
         for (names, texts), places in forms.items():
             rows = compute_rows(partial(self._row, names, texts), np.array([items[place].values for place in places]))

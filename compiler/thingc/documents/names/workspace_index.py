@@ -12,6 +12,7 @@ from functools import lru_cache
 
 from thingc.base.diagnostics import Report
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.grouping import group_by
 from thingc.base.source import Document, Span, text_of
 from thingc.documents.load.discovery import documents_in
 from thingc.documents.load.documents import read_tree
@@ -60,9 +61,7 @@ def _index_names(documents: Mapping[str, DocumentNames], parts: PartNames) -> Na
             name = Name("part", thing.file, reference.partition(":")[2])
             found[name, thing.span] = NamePlace(name, thing.span, "declared")
     places = tuple(sorted(found.values(), key=lambda p: (p.span.file, p.span.line, p.span.column, p.name.kind, p.name.text)))
-    by_name: dict[Name, list[NamePlace]] = {}
-    for place in places:
-        by_name.setdefault(place.name, []).append(place)
+    by_name = group_by(places, lambda place: place.name)
     return NameIndex(places, {name: tuple(places_of_name) for name, places_of_name in by_name.items()})
 
 

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator, Sequence
 from thingc.base.diagnostics import Code, make_notes
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.graphs import DisjointSets
+from thingc.base.grouping import group_by
 from thingc.base.inertia import ZERO, MassProperties, total
 from thingc.base.memo import Memo
 from thingc.base.pose import NO_POSE, Pose
@@ -162,9 +163,7 @@ def rigid_groups(count: int, link_of: Sequence[int], mates: Sequence[Mate]) -> t
     for mate in mates:
         if mate.keep:
             sets.join(link_of[mate.parent], link_of[mate.child])
-    members: dict[int, list[int]] = {}
-    for link in range(count):
-        members.setdefault(sets.representative(link), []).append(link)
+    members = group_by(range(count), sets.representative)
     return tuple(tuple(members[sets.representative(link)]) for link in range(count))
 
 

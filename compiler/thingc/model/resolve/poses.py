@@ -10,6 +10,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from thingc.base.diagnostics import Code, make_notes
+from thingc.base.grouping import group_by
 from thingc.base.pose import Pose, Quaternion, turn_of
 from thingc.base.source import Origin, Path
 from thingc.base.units import LENGTH, NUMBER
@@ -202,10 +203,8 @@ def _set_matching_coordinates(scope: Scope, joints: Joints, key: str, raw: Any, 
 
     The value in the document is a list, or a mapping whose keys are indices of coordinates.
     """
-    coordinates: dict[str, list[CoordinateName]] = {}
-    for name in joints:
-        if name.number is not None and fnmatchcase(name.joint, key):
-            coordinates.setdefault(name.joint, []).append(name)
+    matching = (name for name in joints if name.number is not None and fnmatchcase(name.joint, key))
+    coordinates = group_by(matching, lambda name: name.joint)
     for joint, names in coordinates.items():
         _set_coordinates(scope, joints, joint, names, raw, path, settings)
     if not coordinates and not any(joint is None for joint in joints.values()):

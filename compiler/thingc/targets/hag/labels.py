@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from graphlib import TopologicalSorter
 from typing import get_args
 
+from thingc.base.grouping import group_by
 from thingc.base.one_line_repr import format_count
 from thingc.base.safe_text import escape_control
 from thingc.model.assembly.hag import Definition, DefinitionEdge, DefinitionKind, Hag
@@ -21,10 +22,7 @@ def bundles(hag: Hag) -> dict[tuple[str, str], list[DefinitionEdge]]:
     """Return all edges from one definition to another definition, which are drawn as one line, by the texts of these definitions. The pairs
     are in the order in which they first occur.
     """
-    grouped: dict[tuple[str, str], list[DefinitionEdge]] = {}
-    for edge in hag.edges:
-        grouped.setdefault((edge.parent, edge.child), []).append(edge)
-    return grouped
+    return group_by(hag.edges, lambda edge: (edge.parent, edge.child))
 
 def quantities(hag: Hag) -> dict[str, int]:
     """Return the quantity of each definition in the robot, keyed by definition text.
@@ -112,7 +110,4 @@ def _run(edges: Sequence[DefinitionEdge], start: int) -> int:
 
 def children(hag: Hag) -> dict[str, list[DefinitionEdge]]:
     """Return the edges from each assembly to its components. The keys are the definition texts of the assemblies."""
-    below: dict[str, list[DefinitionEdge]] = {}
-    for edge in hag.edges:
-        below.setdefault(edge.parent, []).append(edge)
-    return below
+    return group_by(hag.edges, lambda edge: edge.parent)

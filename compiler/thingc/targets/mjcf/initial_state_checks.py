@@ -17,6 +17,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Note, Report, first_notes
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.grouping import group_by
 from thingc.base.safe_text import quote_names
 from thingc.base.source import Origin
 from thingc.base.units import LENGTH, Quantity
@@ -256,10 +257,8 @@ def report_states(starts: Sequence[InitialState], report: Report) -> None:
 
     If the same parts overlap by the same depth in several modes, only one warning is reported. The same applies to drives with one source.
     """
-    groups: dict[tuple[tuple[str, str, float], ...], list[InitialState]] = {}
-    for start in starts:
-        if start.overlaps and not report.allows(Code.START_CONTACT, start.robot.mode.origin):
-            groups.setdefault(tuple((overlap.one, overlap.other, round(overlap.depth, 5)) for overlap in start.overlaps), []).append(start)
+    overlapping = (start for start in starts if start.overlaps and not report.allows(Code.START_CONTACT, start.robot.mode.origin))
+    groups = group_by(overlapping, lambda start: tuple((one.one, one.other, round(one.depth, 5)) for one in start.overlaps))
     for group in groups.values():
         _report_overlaps(group[0], [start.robot.mode.name for start in group[1:]], report)
     worst: dict[str, tuple[Gains, TreeJoint, Robot]] = {}

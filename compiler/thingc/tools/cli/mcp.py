@@ -34,7 +34,10 @@ def run(arguments: argparse.Namespace) -> int:
     console.options_of(arguments)  # report invalid options now
     options = {"--store": arguments.store, "--jobs": arguments.jobs, "--part-timeout": arguments.part_timeout}
     os.chdir(arguments.workspace)
+    from thingc.targets.render.picture import allow_rendering
     from thingc.tools.mcp.server import serve
+
+    allow_rendering()  # a tool may import MuJoCo before another tool renders
 
     serve(trusted=arguments.trusted, options=[f"{option}={value}" for option, value in options.items() if value])
     return 0

@@ -15,6 +15,7 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 
 from thingc.base.diagnostics import Diagnostic, shown_path
+from thingc.base.grouping import group_by
 from thingc.base.suggestions import did_you_mean
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, with_environment
@@ -22,7 +23,6 @@ from thingc.driver.pipeline import Compilation
 from thingc.targets.artifact import Loss
 from thingc.tools.cli import console
 from thingc.tools.cli.build import add_compat, add_emit, chosen_targets
-from thingc.tools.grouping import group_by
 
 _NUMBER = re.compile(r"(?<![\w.^])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.])")
 """Regular expression of numbers in the descriptions of export losses."""

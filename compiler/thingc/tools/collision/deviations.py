@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.grouping import group_by
 from thingc.base.primitives import Primitive
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.tools.diff.surface_distance import surface_distances
-from thingc.tools.grouping import group_by
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -10,6 +10,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Report
+from thingc.base.grouping import group_by
 from thingc.base.source import line_of
 from thingc.geometry.lock.json_format import BadLock
 from thingc.geometry.lock.lock import Lock, read_lock_file, report_bad
@@ -18,7 +19,6 @@ from thingc.targets.artifact import MANIFEST
 from thingc.tools.diff.arguments import REBUILD, UnknownComparison
 from thingc.tools.diff.cached_snapshots import BrokenDocument
 from thingc.tools.diff.snapshot import ComponentNode, Fact, OccurrenceSnapshot, Row, Snapshot, SnapshotElement, Value, field_values
-from thingc.tools.grouping import group_by
 
 OF_BUILDS = "parameters, mates, limits, drives, poses, materials, sensors, mounts, geometry and tests (missing in a build folder)"
 OF_LOCKS = "content of documents (missing in a lock file)"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
+from thingc.base.grouping import group_by
 from thingc.base.inertia import MassProperties
 from thingc.base.numeric import hypot
 from thingc.base.one_line_repr import OneLineStruct
@@ -13,7 +14,6 @@ from thingc.geometry.record import PartRecord
 from thingc.tools.diff.document_changes import DocumentChanges, DocumentComparison, above_of
 from thingc.tools.diff.name_mapping import NameMapping, equal, largest
 from thingc.tools.diff.snapshot import Change, DisplayValue, How, OccurrenceSnapshot, Row, Snapshot, What
-from thingc.tools.grouping import group_by
 
 Farthest = Callable[[str, str], float | None]
 """Function that returns the largest distance [m] between the surfaces of two meshes, or None if unknown.

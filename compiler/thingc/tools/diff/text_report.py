@@ -11,6 +11,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.grouping import group_by
 from thingc.base.numeric import dist, hypot
 from thingc.base.one_line_repr import format_count
 from thingc.base.pose import make_pose, turn_of
@@ -20,7 +21,6 @@ from thingc.documents.checks import kinds
 from thingc.tools.diff.comparison import Comparison
 from thingc.tools.diff.results import DiffResult
 from thingc.tools.diff.snapshot import PERHAPS, Change, DisplayValue, How, What
-from thingc.tools.grouping import group_by
 
 MOVED = ": moved"
 NOTHING = "no changes in meaning"

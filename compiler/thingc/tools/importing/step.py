@@ -16,6 +16,7 @@ from msgspec import convert
 from thingc.base.diagnostics import Code, Report
 from thingc.base.filesystem import without_suffix
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.grouping import group_by
 from thingc.base.installed_packages import package_folder
 from thingc.base.numeric import dist
 from thingc.base.pose import Pose, Vector, add_scaled, along, dot
@@ -26,7 +27,6 @@ from thingc.documents.load.documents import read_tree
 from thingc.geometry.client import once
 from thingc.geometry.features import Cylinder, Features, PlanarFace
 from thingc.geometry.store.local import Store
-from thingc.tools.grouping import group_by
 from thingc.tools.importing.document_names import distinct, plain_name
 from thingc.tools.importing.import_request import refuse_unreadable
 from thingc.tools.importing.quantities import pose_words, quantity, was

@@ -7,10 +7,10 @@ from typing import TypeVar
 
 from thingc.base.diagnostics import Code, Note, Report
 from thingc.base.graphs import DisjointSets, find_cycles, format_cycle
+from thingc.base.grouping import group_by
 from thingc.base.safe_text import quote_names
 from thingc.base.source import Span
 from thingc.base.suggestions import did_you_mean
-from thingc.tools.grouping import group_by
 from thingc.tools.importing.source_model import Attachment, SourceLink, SourceRobot
 
 Named = TypeVar("Named", SourceLink, Attachment)

@@ -13,7 +13,7 @@ import re
 from functools import cache
 from typing import Any
 
-from thingc.tools.grouping import group_by
+from thingc.base.grouping import group_by
 
 Explanation = dict[str, Any]
 """The keys are `code`, `name`, `title`, `meaning`, `cure`, `wrong` and `right`.

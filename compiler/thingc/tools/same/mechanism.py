@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 from msgspec.structs import asdict, replace
 
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.grouping import group_by
 from thingc.base.inertia import MassProperties, total
 from thingc.base.joints.twist import Twist
 from thingc.base.numeric import atan2, dist
@@ -19,7 +20,6 @@ from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.pose import NO_POSE, Matrix, Pose, Vector, add_scaled, along, cross, dot, scale_vector, turned_z
 from thingc.model.assembly.types import Assembly, JointEdge
 from thingc.model.robot.tree import in_link
-from thingc.tools.grouping import group_by
 
 if TYPE_CHECKING:
     from thingc.modes.frames import Array

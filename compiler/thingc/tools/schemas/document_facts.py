@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.grouping import group_by
 from thingc.base.interfaces import format_interface
 from thingc.base.source import MappingNode, Node, ScalarNode, entries_of
 from thingc.base.units import ANGLE, LENGTH, Quantity
 from thingc.geometry.record import MountRecord, PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.model.resolve.link_definition import LinkDefinition
 from thingc.model.resolve.types import AssemblyDefinition, Component, Joint
-from thingc.tools.grouping import group_by
 from thingc.tools.schemas.parameter_schemas import parse_value, symbols_of, within
 
 ORIGIN = "origin"

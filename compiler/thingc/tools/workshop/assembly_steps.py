@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.grouping import group_by
 from thingc.base.interfaces import Shank
 from thingc.base.numeric import sum_of
 from thingc.base.pose import Pose, Vector, add_scaled, transpose
@@ -27,7 +28,6 @@ from thingc.geometry.store.local import Store
 from thingc.model.assembly.types import Assembly, Mate, Occurrence
 from thingc.model.solids.shapes import Solid, Solids
 from thingc.targets.bom.emit import is_listed
-from thingc.tools.grouping import group_by
 
 Array = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ from typing import TypeVar
 
 from thingc.base.diagnostics import Code
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.grouping import group_by
 from thingc.geometry.record import AssemblyFailed, PartDefinition
 from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.targets import EmitRequest, Loss
 from thingc.targets.bom.emit import make_of, plain_name
-from thingc.tools.grouping import group_by
 
 Result = TypeVar("Result")
 

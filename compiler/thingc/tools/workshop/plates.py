@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.grouping import group_by
 from thingc.base.pose import Vector
 from thingc.geometry.record import PartDefinition
 from thingc.geometry.store.local import Store
@@ -26,7 +27,6 @@ from thingc.model.assembly.types import Assembly, Occurrence
 from thingc.targets import Artifacts, EmitRequest, Loss
 from thingc.targets.bom.emit import make_of
 from thingc.targets.stl.emit import direction_up, turn_stl
-from thingc.tools.grouping import group_by
 from thingc.tools.workshop.manufactured_parts import labels_of
 
 GAP = 5.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Set
 from typing import Any
 
+from thingc.base.grouping import group_by
 from thingc.base.numeric import hypot
 from thingc.base.pose import Pose, Quaternion
-from thingc.tools.grouping import group_by
 from thingc.tools.importing.mjcf.adding import Added
 from thingc.tools.importing.mjcf.compiled_source import CompiledSource, floats, numbers, pose_of
 from thingc.tools.importing.source_model import SourceBase, SourceJoint, SourcePose
