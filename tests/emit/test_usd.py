@@ -33,8 +33,7 @@ from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Store
 from thingc.model.robot.tree import in_link
 from thingc.model.robot.types import Robot
-from thingc.targets.usd.emit import emit
-from thingc.targets.usd.metadata import build_date
+from thingc.targets.usd.emit import build_date, emit
 from thingc.targets.usd.stage import moments_of
 
 FLOAT = 3e-6

@@ -177,7 +177,7 @@ def sweep(folder: str) -> None:
 Line = dict[str, Any]
 
 
-class Journal:
+class Journal(contextlib.AbstractContextManager["Journal"]):
     """The journal of a batch, opened for appending. On exit, this context manager closes the file.
 
     Each journal line is written with a single system call. An incomplete last line is removed when the journal is opened, and after a
@@ -190,9 +190,6 @@ class Journal:
             with open(path, "rb+") as stream:
                 stream.truncate(sum(len(line) for line in stream if line.endswith(b"\n")))
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | BINARY, 0o666)
-
-    def __enter__(self) -> Journal:
-        return self
 
     def __exit__(self, *exception: object) -> None:
         os.close(self._descriptor)

@@ -138,7 +138,7 @@ def _numbers(folder: str, end: str) -> set[int]:
 # --- writing ----------------------------------------------------------------------------------------------------------
 
 
-class PackedWriter:
+class PackedWriter(contextlib.AbstractContextManager["PackedWriter"]):
     """Records the finished variants of a packed batch. The writer first writes variants to the journal of their chunk.
 
     `done` contains a flag for each variant that is True if the variant has finished. On exit, this context manager closes the journals of
@@ -151,9 +151,6 @@ class PackedWriter:
         self.folder = folder
         self.done = done
         self._open: dict[int, tuple[Journal, set[int]]] = {}
-
-    def __enter__(self) -> PackedWriter:
-        return self
 
     def __exit__(self, *exception: object) -> None:
         for journal, _ in self._open.values():

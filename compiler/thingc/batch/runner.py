@@ -17,6 +17,7 @@ import threading
 import time
 import traceback
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from typing import Any
 
 from thingc.base.diagnostic_output import as_json
@@ -43,7 +44,7 @@ SHOWN = 5
 """Maximum number of diagnostics in the journal for a refused variant."""
 
 
-class Runner:
+class Runner(AbstractContextManager["Runner"]):
     """Builds the variants of a job in a runner process. On exit, this context manager ends the worker process that builds parts."""
 
     def __init__(self, job: Job) -> None:
@@ -57,9 +58,6 @@ class Runner:
         self.builds = None if job.verify == 1 or sources is None or self.session.report.failed else Builds(
             self.session, SettingsReader(sources), modes=job.modes, targets=job.emit, verify=job.verify, measured=self._results,
         )
-
-    def __enter__(self) -> Runner:
-        return self
 
     def __exit__(self, *exception: object) -> None:
         self.session.__exit__(*exception)

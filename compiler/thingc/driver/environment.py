@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar
 
@@ -65,7 +66,7 @@ class Options(FrozenStruct):
     ahead: Sequence[str] = ()
 
 
-class Environment:
+class Environment(AbstractContextManager["Environment"]):
     """The workspace, the parts, the diagnostics and the cache of a compilation. All compilations of a document can share an environment.
 
     At the end of a `with` statement, the source of parts is closed, unless it comes from `parts_provider`. `workspace` is None if the
@@ -83,9 +84,6 @@ class Environment:
         self.workspace: Workspace | None = Workspace.find(self.document, self.report, options.texts)
         self._parts_provider = parts_provider
         self._lock_report = Report()
-
-    def __enter__(self) -> Environment:
-        return self
 
     def __exit__(self, *exception: object) -> None:
         if "parts" in self.__dict__ and self._parts_provider is None:

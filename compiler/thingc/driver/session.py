@@ -7,6 +7,7 @@ part records, and keeps the worker process running.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 
 from thingc.base.diagnostics import Report
 from thingc.driver import pipeline
@@ -21,7 +22,7 @@ each failed compilation twice.
 """
 
 
-class Session:
+class Session(AbstractContextManager["Session"]):
     """Compiles a document repeatedly with different settings. At the end of a `with` statement, the geometry service is closed.
 
     The settings of a single compilation take precedence over the parameters and choices in `options`. The documents are read when the
@@ -33,9 +34,6 @@ class Session:
         self.environment = Environment(document, options)
         self.sources = pipeline.read(self.environment)
         self._failed: dict[tuple[object, ...], Compilation] = {}
-
-    def __enter__(self) -> Session:
-        return self
 
     def __exit__(self, *exception: object) -> None:
         self.environment.__exit__(*exception)

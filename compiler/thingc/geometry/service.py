@@ -6,7 +6,7 @@ If no part has to be built, the service does not start a process and does not im
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
+from contextlib import AbstractContextManager, closing
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -55,7 +55,7 @@ Result = TypeVar("Result")
 Printed = Callable[[str, Sequence[str]], None]
 
 
-class GeometryService:
+class GeometryService(AbstractContextManager["GeometryService"]):
     """Provides the part schemas, part records and STEP files of one workspace. On exit, this context manager ends its workers.
 
     At most `jobs` parts are built at the same time. Each part may take at most `timeout` [s]. `on_progress` is called
@@ -100,9 +100,6 @@ class GeometryService:
         self.unknown: list[str] = []
         self.reads: dict[str, dict[str, str]] = {}
         self.broken = self._locked.broken
-
-    def __enter__(self) -> GeometryService:
-        return self
 
     def __exit__(self, *exception: object) -> None:
         self.close()

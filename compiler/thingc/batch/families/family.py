@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
@@ -60,7 +61,7 @@ class ModeNames(tuple[str, ...]):
         return self.of(settings, modes)
 
 
-class RobotFamily:
+class RobotFamily(AbstractContextManager["RobotFamily"]):
     """A family of robots: an assembly or variants document that is compiled in memory for many settings.
 
     Settings are a mapping from names of parameters, or from paths in the document such as `joints.elbow.limit.upper` or
@@ -116,9 +117,6 @@ class RobotFamily:
         self.modes.of = self._switch_modes
         self.mode = self.modes[0] if mode is None else self._mode_name(mode)
         self._planners: dict[tuple[Any, ...], Any] = {}
-
-    def __enter__(self) -> RobotFamily:
-        return self
 
     def __exit__(self, *exception: object) -> None:
         self.close()

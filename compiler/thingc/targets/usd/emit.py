@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
+from datetime import UTC, datetime
 
 from thingc.base import numeric
 from thingc.base.generated_header import heading
+from thingc.base.package_info import PackageInfo
 from thingc.base.source import Origin
 from thingc.model.assembly.kinematics import joints_of, leaders
 from thingc.model.assembly.types import JointEdge
@@ -14,14 +17,17 @@ from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets.artifact import Artifacts, Content, Loss
 from thingc.targets.capabilities import losses
 from thingc.targets.connections import connections
-from thingc.targets.geometry import collect_geometry
+from thingc.targets.geometry import bounds, collect_geometry, placements
 from thingc.targets.request import EmitRequest
 from thingc.targets.usd import raw
 from thingc.targets.usd.capabilities import CAPABILITIES
 from thingc.targets.usd.chain import chain, followers
-from thingc.targets.usd.metadata import layer_metadata, prim_metadata
-from thingc.targets.usd.stage import identifiers, model, prototypes
-from thingc.targets.usd.usda import FLOAT_MAX, format_prim, write
+from thingc.targets.usd.stage import LEAST_MASS, identifiers, model, prototypes
+from thingc.targets.usd.usda import FLOAT_MAX, INDENT, Prim, dictionary, format_prim, format_vector, quote, write
+from thingc.targets.xml_writer import number
+
+ROBOT = "Q11012"
+"""The item of robots in Wikidata."""
 
 
 def emit(request: EmitRequest) -> Artifacts:
@@ -46,6 +52,33 @@ def emit(request: EmitRequest) -> Artifacts:
         files[f"usd/{file}"] = write([format_prim(prim), meshes], assembly.name, comment, header).encode()
         all_losses |= dict.fromkeys(_losses_of_mode(robot))
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(all_losses))
+
+
+def prim_metadata(name: str, file: str, about: PackageInfo) -> list[str]:
+    """Return the metadata of the default prim of a file: its kind, its name and its version."""
+    info = {"asset identifier": f"@./{file}@", "string name": quote(name), "string version": quote(about.version)}
+    return ['kind = "component"', *dictionary("assetInfo", info)]
+
+
+def layer_metadata(robot: Robot, default_prim: Prim, about: PackageInfo) -> list[str]:
+    """Return the metadata of the file of a mode, with the fields that SimReady requires (`SR.004`), for libraries of assets."""
+    assembly = robot.assembly
+    low, high = bounds(*placements(robot)) or ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    mass = numeric.sum_of(assembly.links[body.link].properties.mass for body in robot.bodies)
+    entries = dictionary("dictionary SimReady_Metadata", {
+        "float3 asset_extents": format_vector(b - a for a, b in zip(low, high, strict=True)), "string asset_license": quote(about.license),
+        "string asset_name": quote(assembly.name), "string asset_type": quote("robot"), "string author": quote(about.maintainer),
+        "string category": quote("robot"), "double mass": number(numeric.maximum(mass, LEAST_MASS)), "string qcode": quote(ROBOT),
+        "int rigid_body_count": str(sum("PhysicsRigidBodyAPI" in prim.schemas for prim in default_prim.children)),
+        "string source_file": quote(assembly.definition.document), "string usd_date_generated": quote(build_date()),
+    })
+    return ["customLayerData = {", *(f"{INDENT}{line}" for line in entries), "}"]
+
+
+def build_date() -> str:
+    """Return the date of the build in ISO 8601: `SOURCE_DATE_EPOCH` [s], or 1970-01-01 if this variable is not set to a valid number."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "")
+    return datetime.fromtimestamp(int(epoch) if epoch.isdecimal() and len(epoch) < 12 else 0, UTC).date().isoformat()
 
 
 def _losses_of_mode(robot: Robot) -> Iterator[Loss]:

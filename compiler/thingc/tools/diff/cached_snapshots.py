@@ -34,7 +34,7 @@ class BrokenDocument(Exception):
         self.diagnostics = tuple(diagnostics)
 
 
-class Subject:
+class Subject(contextlib.AbstractContextManager["Subject"]):
     """A context manager that compiles a document for a comparison. The method `snapshot_with_tests` runs the tests in the document.
 
     The context manager stops the worker processes on exit. Raises `BrokenDocument` if the document has errors.
@@ -48,9 +48,6 @@ class Subject:
             self._environment.__exit__()
             raise BrokenDocument(errors)
         self.snapshot: Snapshot = take_snapshot(self._compilation)
-
-    def __enter__(self) -> Subject:
-        return self
 
     def __exit__(self, *exception: object) -> None:
         self._environment.__exit__(*exception)

@@ -13,6 +13,7 @@ import re
 import tempfile
 import tomllib
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager
 
 from thingc.base.filesystem import BadPath, check_tree, write_tree
 from thingc.base.one_line_repr import OneLineStruct
@@ -65,7 +66,7 @@ class Repository(OneLineStruct):
         return os.path.relpath(os.path.join(os.path.realpath(folder), name), self.top).replace(os.sep, "/")
 
 
-class Revision:
+class Revision(AbstractContextManager["Revision"]):
     """A context manager that writes files of a git commit to a temporary folder on demand.
 
     On exit, the context manager removes the folder.
@@ -77,9 +78,6 @@ class Revision:
         self._there: set[str] = set()
         self._folder = tempfile.TemporaryDirectory(prefix="thingc-diff-")
         self.root = os.path.realpath(self._folder.name)
-
-    def __enter__(self) -> Revision:
-        return self
 
     def __exit__(self, *exception: object) -> None:
         self._folder.cleanup()

@@ -72,7 +72,7 @@ class Rebuild(FrozenStruct):
     kernel: float = 0.0
 
 
-class RebuildLoop:
+class RebuildLoop(contextlib.AbstractContextManager["RebuildLoop"]):
     """A context manager that rebuilds a document after every save. On exit, the worker processes are ended.
 
     In every round, the loop calls the function `wish`, which returns the build request or errors, because the settings of the workspace can
@@ -110,9 +110,6 @@ class RebuildLoop:
 
     def _fresh_workers(self) -> Workers:
         return Workers(self.options.jobs or os.cpu_count() or 1)
-
-    def __enter__(self) -> RebuildLoop:
-        return self
 
     def __exit__(self, *exception: object) -> None:
         self._workers.end()
