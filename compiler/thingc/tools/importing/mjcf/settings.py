@@ -111,8 +111,8 @@ def touching(
             what = f"contacts of `{original.bodies[other]}` with `{original.bodies[head]}`"
             why = "a pair of bodies is excluded from contact"
             original.lose("body", other, what, why)
-    touch = {head for head, bodies in members.items() if head != still and any(any(masks[body]) for body in bodies)}
-    _lose_parts(original, members, touch)
+    moving = {head: bodies for head, bodies in members.items() if head != still}
+    _lose_parts(original, moving, {head for head, bodies in moving.items() if any(any(masks[body]) for body in bodies)})
     named = ((original.bodies[on[body][0]] for body in bodies) for pair, bodies in apart.items() if pair not in near)
     return tuple((first, second) for first, second in named)
 
