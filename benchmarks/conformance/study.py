@@ -168,8 +168,8 @@ READERS = (
     Reader(
         "usdchecker", ("USD",), ("usd-core==26.11", "numpy==2.4.6"),
         "usdchecker runs all validators of usd-core, including UsdPhysics, and no validator may report an error or a warning."
-        " The study also checks "
-        "that the file contains one articulation and every link, frame and joint.",
+        " In addition, each file must contain "
+        "one articulation and every link, frame and joint.",
         floats=True,
     ),
 )

@@ -149,7 +149,7 @@ def _pose_robot(robot: Robot, pose: str | None) -> tuple[dict[str, float], tuple
 
 
 def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
-    """Return the result `length.JOINT` [m] of every joint that has a previous joint.
+    """Return the result `length.JOINT` [m] for each joint, except the first joint of each chain.
 
     The length is the distance between the parent mount of the joint and the mount at which the previous joint holds the link. Parent and
     child are defined by the documents, so the lengths do not depend on the root. `within` contains the poses of all components in their

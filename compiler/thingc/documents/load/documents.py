@@ -284,7 +284,7 @@ class _Reader:
                 self.follow(referenced, chain)
 
     def nest(self, nested: Document, hops: list[tuple[Document, Span]]) -> None:
-        """Read the documents that the document of a nested assembly references. Report cycles, and assemblies that are nested too deeply.
+        """Read all documents to which a nested document refers. Report cycles, and assemblies that are nested too deeply.
 
         `hops` contains the assemblies in which `nested` is nested, each with the location of its reference to the next assembly.
         """

@@ -209,7 +209,7 @@ class PartNames:
         yield from ((reference, thing) for reference, thing in self._things.items() if thing is not None)
 
     def find_in_code(self, name: Name) -> tuple[str, int] | None:
-        """Return the file and line of code that may use a mount or parameter, but that a rename would not edit. Return None if none exists.
+        """Return the file and line of code that may use a mount or parameter, and that renaming does not edit. Return None if none exists.
 
         Whether the code uses the mount or parameter, or only the same name, is not known without running the code.
         """

@@ -155,9 +155,9 @@ class Coordinate(OneLineStruct):
 class Gear(OneLineStruct):
     """A transmission between an actuator and a joint.
 
-    `ratio` is the motion of the actuator per motion of the joint [rad/rad, rad/m, m/rad or m/m], and `efficiency` is between 0 and 1. If
-    `turns` is True, the actuator rotates. `inertia` [kg m^2 or kg] is the inertia of the transmission at the actuator. `backlash` [rad or
-    m] is measured at the joint. In a differential, the ratio is 1, because each drive acts on the coordinate of its actuator.
+    `ratio` is the motion of the actuator per motion of the joint [rad/rad, rad/m, m/rad or m/m], and `efficiency` is between 0 and 1.
+    `turns` states whether the actuator is rotary. `inertia` [kg m^2 or kg] is the inertia of the transmission at the actuator. `backlash`
+    [rad or m] is measured at the joint. In a differential, the ratio is 1, because each drive acts on the coordinate of its actuator.
     """
 
     name: str

@@ -128,7 +128,7 @@ def residual_words(residual: tuple[float, float]) -> str:
 
 
 class Keyframe(OneLineStruct):
-    """A named pose of a mode with the positions q [rad or m] of all joints by path.
+    """A named pose of a mode. `q` maps the path of each joint to its position [rad or m].
 
     Joints that mimic other joints, and joints at which loops are cut, are included.
 

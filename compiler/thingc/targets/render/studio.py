@@ -77,9 +77,10 @@ def fit_camera(points: Array, axes: Array, angle: float, aspect: float, margin: 
     `margin` is the width of the free border, as a fraction of half of the picture. In one direction of the picture, the points reach both
     borders. In the other direction, the points are centred.
 
-    Let (x, y, z) be a point along the camera axes, (X, Y, Z) the camera, and t the tangent of half of the angle. The point is to the right
-    of the left edge if x - X >= -t (Z - z), and to the left of the right edge if x - X <= t (Z - z). It follows that t Z + X >= max(x + t
-    z) = A and t Z - X >= max(t z - x) = B. The smallest Z is (A + B) / 2t. The upper and the lower edge give the same conditions for y.
+    Let (x, y, z) be a point along the camera axes, (X, Y, Z) the position of the camera, and t the tangent of half of the angle. The point
+    is to the right of the left edge if x - X >= -t (Z - z), and to the left of the right edge if x - X <= t (Z - z). It follows that t Z +
+    X >= max(x + t z) = A and t Z - X >= max(t z - x) = B. The smallest Z is (A + B) / 2t. The upper and the lower edge give the same
+    conditions for y.
     """
     tangent = math.tan(angle / 2.0) * (1.0 - margin)
     x, y, z = axes @ points.T

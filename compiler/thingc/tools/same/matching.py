@@ -61,8 +61,8 @@ class LinkMap(NamedTuple):
 class JointMap(NamedTuple):
     """A joint of A that is a joint of B: `q_B = sign * q_A + zero` [rad or m].
 
-    `free` means that neither masses nor axes determine the zero. `ends` are the ends of the joints in A and B at which the search met them.
-    `apart` is the difference of the axes: angle [rad], distance [m] and lead [m/rad].
+    `free` is True if neither masses nor joint axes determine `zero`. `ends` are the ends of the joints in A and B at which the search met
+    them. `apart` is the difference of the axes: angle [rad], distance [m] and lead [m/rad].
     """
 
     one: int
