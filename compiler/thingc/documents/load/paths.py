@@ -62,7 +62,7 @@ def find_file(
         return None
     if not os.path.isfile(path):
         if os.path.isdir(path):
-            report.add(Code.MISSING_FILE, f"`{name}` is a folder, not a file", where, help=f"use a file inside `{name}`")
+            report.add(Code.MISSING_FILE, f"`{name}` is a folder, not a file", where, help=f"write the path of a file in `{name}`")
         else:
             report.add(Code.MISSING_FILE, f"there is no file `{name}`", where, help=_missing_file_hint(path, text, relative_to, suffixes))
         return None
