@@ -197,6 +197,8 @@ def test_deviation_between_two_cubes() -> None:
 SIMPLIFIED = """
 import hashlib, sys
 import numpy as np
+from thingc.geometry.worker.lazy_build123d import import_cheaply
+import_cheaply("build123d")
 from thingc.geometry.worker.kernel.meshing import Triangles
 from thingc.geometry.worker.kernel.simplifying import simplify
 mesh = np.load(sys.argv[1])

@@ -16,7 +16,7 @@ from thingc.geometry.record import PartFailure, PartRecord
 BAD = """\
 from build123d import *
 from thingc import Length, MountPoint, Thing
-import helper
+import helper, time
 
 class Good(Thing):
     def result(self):
@@ -35,7 +35,7 @@ class Hangs(Thing):
     def __init__(self):
         super().__init__()
         while True:
-            pass
+            time.sleep(0.1)
 
 class Segfaults(Thing):
     def __init__(self):

@@ -21,7 +21,7 @@ from thingc.tools.cli.main import main
 
 TALKING = """\
 import subprocess
-import sys
+import sys, time
 from build123d import *
 from thingc import Length, Thing
 
@@ -50,8 +50,7 @@ class Raises(Thing):
 class Hangs(Thing):
     def result(self):
         print("before it hangs")
-        while True:
-            pass
+        time.sleep(600)
 
 class Floods(Thing):
     def result(self):

@@ -84,10 +84,14 @@ def links(page: Any) -> dict[str, list[float]]:
 def spot(page: Any, path: str) -> tuple[float, float]:
     """Return a point of the window where the page shows the component with this path."""
     x, y = page.evaluate("""(path) => {
-      const { viewer } = thingc, box = viewer.stage.canvas.getBoundingClientRect();
-      for (let x = 20; x < box.width - 20; x += 6) for (let y = 20; y < box.height - 20; y += 6) {
-        const hit = viewer.hit(box.left + x, box.top + y);
-        if (hit !== null && viewer.robot.occurrences[hit.occurrence].path === path) return [box.left + x + 2, box.top + y + 2];
+      const { viewer } = thingc, { stage } = viewer, index = viewer.robot.occurrences.findIndex((one) => one.path === path);
+      const box = stage.canvas.getBoundingClientRect(), centre = viewer.robot.occurrences[index].centre;
+      const [{ x, y }] = stage.project([stage.camera.position.clone().fromArray(centre).applyMatrix4(viewer.drawn[index])]);
+      // the component is not always visible at its centre: search on a spiral around it
+      for (let k = 0; k < 2000; k += 1) {
+        const [left, top] = [Math.cos(2.4 * k), Math.sin(2.4 * k)].map((side, axis) => Math.round([x, y][axis] + 3 * Math.sqrt(k) * side));
+        const hit = viewer.hit(box.left + left, box.top + top);
+        if (hit !== null && hit.occurrence === index) return [box.left + left, box.top + top];
       }
       return null;
     }""", path)
