@@ -48,9 +48,7 @@ def write(mode: Mode, state: State[Array], qpos: Any, qvel: Any, joints: Mapping
     first_indices = list(_free(mode))
     if not first_indices:
         return
-    kin = kinematics(mode)
-    frames = kin.frames(state.base, state.q[kin.rows], np)
-    poses, twists = kin.poses(frames), kin.twists(frames, np.concatenate([state.twist, state.v[kin.rows]]), np)
+    poses, twists = kinematics(mode).link_motion(state, np)
     for first in first_indices:
         (at, moving), child = joints[mode.joints[first].in_data], mode.joints[first].child
         qpos[at : at + 7] = np.concatenate([poses[child, :3, 3], quaternion_of(poses[child, :3, :3])])

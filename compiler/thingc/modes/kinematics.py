@@ -16,6 +16,7 @@ from thingc.modes.frames import Array, cross, cross_matrix, generators, inverse,
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from thingc.modes.state import State
     from thingc.modes.tree import Inertias, Link, Mode
 
 
@@ -93,6 +94,11 @@ class Kinematics:
         free = [k for k, chain in enumerate(chains) if not chain]
         self._chains = chains
         self._pattern = np.array([[float(k == f) for f in free] for k in columns]).reshape(len(columns), len(free))
+
+    def link_motion(self, state: State[Any], xp: Any) -> tuple[Array, Array]:
+        """Return the poses (n, 4, 4) and the twists (n, 6) of all links in a state of the robot, as the methods `poses` and `twists`."""
+        frames = self.frames(state.base, state.q[self.rows], xp)
+        return self.poses(frames), self.twists(frames, xp.concatenate([state.twist, state.v[self.rows]]), xp)
 
     def frames(self, base: Array, q: Array, xp: Any) -> Array:
         """Return the poses (m + 1, 4, 4) of all frames in the world, for a root link with the pose `base` and joint coordinates `q` (m,).

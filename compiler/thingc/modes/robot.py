@@ -177,9 +177,7 @@ def _stop_held(
     """
     removed, poses = [state.twist - keep_free_twist(mode, state.base, state.twist, np)], np.zeros((0, 4, 4))
     if mode.holds:
-        kin = kinematics(mode)
-        frames = kin.frames(state.base, state.q[kin.rows], np)
-        poses, twists = kin.poses(frames), kin.twists(frames, np.concatenate([state.twist, state.v[kin.rows]]), np)
+        poses, twists = kinematics(mode).link_motion(state, np)
         for hold in mode.holds:
             twist = twists[hold.link]
             removed.append(at_point(hold, poses[hold.link], twist) if hold.turns else twist)

@@ -21,9 +21,7 @@ def change_root(state: State[Any], old: Mode, new: Mode, xp: Any, **newton: int)
     from the motion of the two links that the joint connects. `newton` contains further keyword arguments for the function `coordinates`.
     """
     kin = kinematics(old)
-    frames = kin.frames(state.base, state.q[kin.rows], xp)
-    twists = kin.twists(frames, xp.concatenate([state.twist, state.v[kin.rows]]), xp)
-    poses = kin.poses(frames)
+    poses, twists = kin.link_motion(state, xp)
     q, v = state.q, state.v
     cuts = [cut for cut in old.cuts if cut.coordinates]
     if cuts:
