@@ -563,7 +563,7 @@ def test_collision_of_a_link_only_replaces_its_shapes(tmp_path: Path, capsys: py
     tmp_path.joinpath("robot.yaml").write_text(text)
     assert main(["check", str(tmp_path / "robot.yaml"), "--format", "json"]) == 1
     (diagnostic,) = json.loads(capsys.readouterr().out)["diagnostics"]
-    assert "`collision` of a link can only contain" in diagnostic["message"] and diagnostic["line"] == 5
+    assert "`collision` of a link can only be set" in diagnostic["message"] and diagnostic["line"] == 5
 
 
 @pytest.mark.parametrize(("collision", "words"), [

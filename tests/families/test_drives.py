@@ -117,7 +117,7 @@ def test_star_includes_drives_of_parts_and_defaults(arm: thingc.RobotFamily) -> 
 @pytest.mark.parametrize(("settings", "words"), [
     ({"joints.hinge.drive.kp": -1.0}, "`drive.kp` of joint `hinge` must be at least 0"),
     ({"joints.hinge.drive.kpp": 1.0}, "unknown key `kpp` in `joints.hinge.drive`"),
-    ({"joints.elbow.drive.kp": 1.0}, "`joints` has no `elbow`"),
+    ({"joints.elbow.drive.kp": 1.0}, "`joints` has no key `elbow`"),
     ({"joints.hinge.drive.kp": "1 kg"}, "found a mass (`1 kg`)"),
 ])
 def test_wrong_value_is_reported_at_the_setting(arm: thingc.RobotFamily, settings: dict[str, Any], words: str) -> None:

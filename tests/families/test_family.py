@@ -309,7 +309,7 @@ def test_adopted_settings_are_written_to_the_document(tmp_path: Path) -> None:
                 {"components.cap.components.knob.mass": 0.02},
                 "is defined in the nested document `cap.yaml`",
             ),
-            ({"joints.*.limt.upper": 1.0}, "`joints.lift` has no `limt`"),
+            ({"joints.*.limt.upper": 1.0}, "`joints.lift` has no key `limt`"),
         ):
             said = family.adopt(wrong)
             assert words in said[0].message and document.read_text() == expected, (wrong, [one.message for one in said])

@@ -194,7 +194,7 @@ def test_errors_name_the_setting_and_others_continue(everything: thingc.RobotFam
     wrong = [
         ({"load": 30.0}, "TC803", "parameter `load` must be at most 20 kg, found `30 kg`"),
         ({"joints.lift.limit.upper": "5 kg"}, "TC809", "expected an angle or a length (such as 30 deg or 120 mm), found a mass (`5 kg`)"),
-        ({"joints.lift.limit.uper": 1.0}, "TC809", "`joints.lift.limit` has no `uper`"),
+        ({"joints.lift.limit.uper": 1.0}, "TC809", "`joints.lift.limit` has no key `uper`"),
         ({"joints.x*.dynamics.damping": 1.0}, "TC809", "the document has no element `joints.x*.dynamics.damping`"),
         ({**good, "load": 30.0}, "TC803", "must be at most 20 kg"),
         ({**good, "load": math.nan}, "TC803", "parameter `load`: expected a number with a unit, found `nan kg`"),
@@ -276,7 +276,7 @@ def test_explanations(everything: thingc.RobotFamily, name: str, way: str, words
 
 @pytest.mark.parametrize(("name", "value", "words"), [
     ("laod", None, "`everything` has no parameter `laod`"),
-    ("joints.lft.limit.upper", None, "`joints` has no `lft`"),
+    ("joints.lft.limit.upper", None, "`joints` has no key `lft`"),
     ("joints.lift", None, "expected the path of a value, found the mapping `joints.lift`"),
     ("load", 30.0, "parameter `load` must be at most 20 kg, found `30 kg`"),
 ])

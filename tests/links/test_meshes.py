@@ -274,7 +274,7 @@ def test_open_mesh_requires_a_given_inertia(here: Path) -> None:
     for said in ("material: steel", "mass: 1 kg"):
         compilation, _ = compile_and_build(here, link.format(said), [])
         (fault,) = compilation.report.diagnostics
-        assert fault.code is Code.NO_MATERIAL and "the open mesh `meshes/open.stl`" in fault.message
+        assert fault.code is Code.NO_MATERIAL and "the mesh `meshes/open.stl`, which is not closed" in fault.message
 
 
 @pytest.mark.parametrize(("unit", "words"), [("mm", "is shorter than 1 mm"), ("m", None)])

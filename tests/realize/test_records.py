@@ -508,7 +508,7 @@ def test_schemas_of_parts(module_place: Any, records: dict[str, PartRecord]) -> 
     assert found["shapes:Sphere"].kind == "shape"
     missing = found["shapes:Blocc"]
     assert isinstance(missing, PartFailure)
-    assert (missing.kind, missing.message) == ("missing", "`shapes` has no `Blocc`")
+    assert (missing.kind, missing.message) == ("missing", "the module `shapes` has no `Blocc`")
     assert "shapes:Block" in missing.candidates
 
 

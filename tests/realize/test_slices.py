@@ -150,7 +150,7 @@ def test_slicing_failure_is_cached_with_its_reason(spot: Place, counted: Counted
     foil = part("blocks:Foil")
     for _ in range(2):
         with spot.service() as service:
-            assert sliced(service, [foil], HOW)[foil.text].slices == {HOW: SliceFailure(reason="lower than one layer")}
+            assert sliced(service, [foil], HOW)[foil.text].slices == {HOW: SliceFailure(reason="the part is lower than one layer")}
     assert counted.asked.count("slice") == 1
 
 

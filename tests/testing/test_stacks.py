@@ -49,8 +49,8 @@ def test_contributions_of_stretched_bars(rig: Workspace) -> None:
     assert f"the share of robots within tolerance ({100 * up['measured']['yield']:.4g} %) is below the minimum (99 %)" in first["message"]
     share = 100 * (TOLERANCE**2 + (TILT * 0.16) ** 2) / rss**2
     notes = [note["message"] for note in first["notes"]]
-    assert notes[0].startswith(f"{100 * (BACKLASH / 2 * 0.16) ** 2 / rss**2:.3g} % from the backlash of `shoulder`")
-    assert notes[1].startswith(f"{share:.3g} % from `upper.near`") and len(notes) == 5
+    assert notes[0].startswith(f"{100 * (BACKLASH / 2 * 0.16) ** 2 / rss**2:.3g} % due to the backlash of `shoulder`")
+    assert notes[1].startswith(f"{share:.3g} % due to `upper.near`") and len(notes) == 5
     assert "the RSS deviation (0.2 mm) exceeds the maximum (0.1 mm)" in second["message"]
 
 
@@ -110,7 +110,7 @@ def test_tolerance_of_a_mount_replaces_that_of_the_process(rig: Workspace) -> No
     plain = rss_of(bars(), looser.replace(", tolerance: 0.3 mm", ""))
     assert rss_of(bars(), looser) ** 2 - plain**2 == pytest.approx(9e-8 - TOLERANCE**2, rel=1e-9)
     assert rss_of(two_links(), looser) == pytest.approx(3e-4, rel=1e-9)
-    assert "1 contributor; 100 % from `upper.bore`: 0.3 mm" in rig.run(str(rig.folder / "rig.yaml"))[1]
+    assert "1 contributor; 100 % due to `upper.bore`: 0.3 mm" in rig.run(str(rig.folder / "rig.yaml"))[1]
     wrong = looser.replace("0.3 mm", "-1 mm")
     text = two_links().replace("upper: {part: rig_parts:Bar}", wrong)
     code, *shown = rig.run(str(rig.write(text, test)))

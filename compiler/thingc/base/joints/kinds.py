@@ -66,7 +66,7 @@ class JointKind(FrozenStruct):
     @property
     def words(self) -> str:
         """The kind in a sentence such as `joint x is revolute`."""
-        return f"a {self.name}" if self.name in ("ball", "screw") else self.name
+        return f"a {self.name} joint" if self.name in ("ball", "screw") else self.name
 
     @property
     def free(self) -> bool:

@@ -97,7 +97,7 @@ class _Evaluator:
         except (OverflowError, ValueError):
             result = numeric.inf
         if isinstance(result, complex) or not numeric.isfinite(result):
-            raise ExpressionError(f"`{self.source_of(term)}` has no finite result", term.offset, term.end, kind="value")
+            raise ExpressionError(f"the result of `{self.source_of(term)}` is not finite", term.offset, term.end, kind="value")
         return Quantity(result + 0.0, dimension)
 
     def chain(self, term: Binary) -> Quantity:

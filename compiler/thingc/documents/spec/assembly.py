@@ -255,7 +255,7 @@ class ComponentSpec(ComponentDefaults):
             raise rule("a component requires one of `part`, `file`, `assembly`, `link: true` or `frame: true`",
                         "add `link: true` next to `shapes`" if self.shapes else "write, for example, `part: arm:BasePlate`")
         if len(kinds) > 1:
-            found = " and ".join(f"`{k}`" for k in kinds)
+            found = ", ".join(f"`{k}`" for k in kinds)
             raise rule(
                 f"a component must have exactly one of {', '.join(f'`{kind}`' for kind in KINDS)}, found {found}",
                 "keep only one of these keys", kinds[1],

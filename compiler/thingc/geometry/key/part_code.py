@@ -101,7 +101,7 @@ class PartCode:
         first = name.partition(".")[0]
         if not may_have(module_name, first, self.sources):
             return PartFailure(
-                subject=reference, kind="missing", message=f"`{module_name}` has no `{first}`", file=module.file,
+                subject=reference, kind="missing", message=f"the module `{module_name}` has no `{first}`", file=module.file,
                 candidates=tuple(f"{module_name}:{one}" for one in defined_in(module_name, self.sources)),
             )
         return code_of(reference, self.sources)

@@ -150,7 +150,7 @@ class PartSession:
                     f"{module_name}:{member}" for member, value in vars(module).items()
                     if not member.startswith("_") and getattr(value, "__module__", None) == module_name and is_part(value)
                 )
-                raise NoPart("missing", f"`{module_name}` has no `{name}`", names) from None
+                raise NoPart("missing", f"the module `{module_name}` has no `{name}`", names) from None
         self.loaded = monotonic()
         return part
 

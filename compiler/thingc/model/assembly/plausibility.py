@@ -466,7 +466,7 @@ def _check_place(occurrence: Occurrence, centre: Vector, boxes: Sequence[tuple[t
         placement = occurrence.component.placement
         place = occurrence.component.full_origin(placement.origin, occurrence.origin) if isinstance(placement, At) else occurrence.origin
         findings.warn(
-            Code.BARE_MASS, f"the mass of `{occurrence.component.name}` is {length_words(distance, 3)} outside its link (size of the link: "
+            Code.BARE_MASS, f"the centre of mass of `{occurrence.component.name}` is {length_words(distance, 3)} outside its link (size: "
             f"{length_words(size, 3)})", place, path=occurrence.path, help="check the unit (`mm`, `m`)",
         )
 

@@ -182,15 +182,15 @@ def _ball(
     scope, spec, name = item.scope, item.spec, item.name
     for key in ("limit", "dynamics"):
         if isinstance(getattr(spec, key), (list, dict)):
-            text = f"is a ball and cannot have a list for `{key}`"
+            text = f"is a ball joint and cannot have a list for `{key}`"
             _refuse(item, key, text, "write the value without a list", code=Code.COORDINATES, typed=False)
     if spec.offset is not None:
-        _refuse(item, "offset", "is a ball and cannot have an `offset`", "rotate a mount of the joint, or use `turn`", typed=False)
+        _refuse(item, "offset", "is a ball joint and cannot have an `offset`", "rotate a mount of the joint, or use `turn`", typed=False)
     joint = _resolve_joint(table, item, kind, None, mounts, layers, None)
     passive = replace(dynamics(scope, f"joint `{name}`", ANGLE, layers.sub("dynamics")), rest=None)
     if (rest := layers.sub("dynamics").pick("rest")).own:
         help = "rotate a mount of the joint instead"
-        _refuse(item, rest.path, "is a ball and cannot have `dynamics.rest`", help, typed=False)
+        _refuse(item, rest.path, "is a ball joint and cannot have `dynamics.rest`", help, typed=False)
     limit, drives = _cone(item, layers.sub("limit")), _drives_of_ball(table, item)
     return tuple(
         replace(joint, name=CoordinateName(name).with_number(k), twist=twist, limit=limit, dynamics=passive, drive=drives.get(k))
@@ -205,7 +205,7 @@ def _drives_of_ball(table: DocumentScope, item: Unrolled[JointSpec]) -> dict[int
         return {}
     if not isinstance(specs, list) or len(specs) > 3:
         scope.error(
-            Code.DRIVE, f"joint `{name}` is a ball and requires a list of one to three drives", path, key=True,
+            Code.DRIVE, f"joint `{name}` is a ball joint and requires a list of one to three drives", path, key=True,
             help="write, for example, `[{axis: [1, 0, 0], kind: motor, effort: 2 N*m}]`",
         )
         return {}
@@ -380,7 +380,7 @@ def _cone(item: Unrolled[JointSpec], layers: DefaultLayers) -> Limit:
     """Return the limit of a ball joint. Its `cone` is the largest rotation angle [rad] from q = 0, or None without a limit."""
     unsupported = [key for key in ("lower", "upper", "effort", "velocity") if layers.pick(key).own]
     if unsupported:
-        text, path = f"is a ball and cannot have `limit.{unsupported[0]}`", layers.pick(unsupported[0]).path
+        text, path = f"is a ball joint and cannot have `limit.{unsupported[0]}`", layers.pick(unsupported[0]).path
         help = "set `limit.cone` for the angle, and limits of effort and velocity in the drives"
         _refuse(item, path, text, help, code=Code.LIMIT, typed=False)
     return Limit(cone=item.scope.number(*layers.pick("cone"), ANGLE, f"`limit.cone` of joint `{item.name}`", above=0.0))

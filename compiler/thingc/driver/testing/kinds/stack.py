@@ -82,7 +82,7 @@ def _largest_shares(contributions: Sequence[Contribution], rss: float) -> list[N
         return []
     squares = [(sum_of(value * value for value in deviations), name) for name, deviations in contributions]
     squares.sort(key=lambda pair: (-pair[0], pair[1]))
-    shares = [Note(message=f"{100.0 * square / rss**2:.3g} % from {name}: {format_si(sqrt(square), LENGTH)}") for square, name in squares]
+    shares = [Note(message=f"{100.0 * square / rss**2:.3g} % due to {name}: {format_si(sqrt(square), LENGTH)}") for square, name in squares]
     return first_notes(shares, LISTED, "other contributor")
 
 

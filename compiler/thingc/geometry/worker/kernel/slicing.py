@@ -104,7 +104,7 @@ def slice_part(mesh: Triangles, slicing: Slicing) -> SliceResult:
     total = _integrate_layers(flat, heights, lengths.layer).sum(axis=0)
     solid, joins, sparse = (_moments(sums, turn) for sums in total)
     if not solid.volume > 0.0:
-        raise NotSliced("thinner than one printed line")
+        raise NotSliced("the part is thinner than one printed line")
     return SliceResult(solid=solid, joins=joins, sparse=sparse)
 
 
@@ -133,9 +133,9 @@ def _outlines(vertices: NDArray[np.float64], faces: NDArray[np.int64], layer: fl
     bed, top = float(vertices[:, 2].min()), float(vertices[:, 2].max())
     count = math.ceil((top - bed - _EXACT) / layer - 0.5)  # PrusaSlicer stops where the middle of a layer is above the part
     if count < 1:
-        raise NotSliced("lower than one layer")
+        raise NotSliced("the part is lower than one layer")
     if count > MOST_LAYERS:
-        raise NotSliced(f"more than {MOST_LAYERS} layers")
+        raise NotSliced(f"the part has more than {MOST_LAYERS} layers")
     middles = np.asarray(bed + layer * (np.arange(count) + 0.5), dtype=np.float64)
     cuts = middles - _JUST_BELOW * layer
     known: dict[int, Region] = {}
