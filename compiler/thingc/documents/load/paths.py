@@ -109,7 +109,7 @@ def refuse_name(name: str, where: Span | None, report: Report) -> None:
     problem = "invisible characters" if is_text(name) else "bytes that are not UTF-8"
     report.add(
         Code.FILE_NAME, f"the file name `{escape_control(name)}` has {problem}: `{escape_control(find_invisible(name))}`", where,
-        help="rename the file with visible characters and spaces",
+        help="remove the invisible characters from the file name",
     )
 
 

@@ -292,7 +292,7 @@ class _Sdf:
             return
         parent, child = ends["parent"], ends["child"]
         if parent == child:
-            self.values.fault(element, None, f"the parent and the child of a joint are both on link `{child}`", "connect two links")
+            self.values.fault(element, None, f"the parent and the child of a joint are both on link `{child}`", "connect different links")
             return
         parent_pose = NO_POSE if parent == WORLD else self.frames.poses[parent]
         pose, names = _clean(parent_pose.inverse() @ self.frames.poses[child]), self._coordinates(key)
