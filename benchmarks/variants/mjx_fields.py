@@ -39,4 +39,4 @@ def mujoco_matrix(quat: np.ndarray) -> np.ndarray:
 
 def one_of(model: mjx.Model, varied: Iterable[str], row: int) -> mjx.Model:
     """Return one model of a batch of MJX models."""
-    return model.tree_replace({name: attrgetter(name)(model)[row] for name in varied})
+    return model.tree_replace({name: np.asarray(attrgetter(name)(model))[row, ...] for name in varied})

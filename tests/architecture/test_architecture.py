@@ -77,7 +77,8 @@ def tree(path: Path) -> ast.Module:
 def read_once() -> Iterator[None]:
     """Clear the cached syntax trees after these tests, because they use much memory."""
     yield
-    tree.cache_clear()
+    for cached in (tree, nodes_of, statements):
+        cached.cache_clear()
 
 
 def place_of(path: Path) -> str:
@@ -98,6 +99,10 @@ def layer(name: str) -> int:
     return ORDER.index(max(found, key=len))
 
 
+BODIES = ("body", "handlers", "orelse", "finalbody", "cases")
+"""The fields of a module or a statement that contain statements, or parts of a statement that contain some."""
+
+
 def at_run_time(node: ast.AST, *, called: bool = True) -> Iterator[ast.AST]:
     """Yield the statements below a node, except those under TYPE_CHECKING; bodies of functions only if `called`."""
     waiting = [node]
@@ -106,7 +111,7 @@ def at_run_time(node: ast.AST, *, called: bool = True) -> Iterator[ast.AST]:
         if called or not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             yield node
             types = isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
-            waiting += [inner for inner in (node.orelse if types else ast.iter_child_nodes(node)) if not isinstance(inner, ast.expr)]
+            waiting += node.orelse if types else [inner for name in BODIES for inner in getattr(node, name, ())]
 
 
 def named_by(nodes: Iterable[ast.AST]) -> set[str]:
@@ -122,9 +127,31 @@ def named_by(nodes: Iterable[ast.AST]) -> set[str]:
 
 
 @cache
+def nodes_of(path: Path) -> list[ast.AST]:
+    """Return all nodes of the syntax tree of a module, as `ast.walk` does, in less time."""
+    nodes: list[ast.AST] = [tree(path)]
+    for node in nodes:
+        for value in vars(node).values():
+            if isinstance(value, ast.AST):
+                nodes.append(value)
+            elif isinstance(value, list):
+                nodes += [inner for inner in value if isinstance(inner, ast.AST)]
+    return nodes
+
+
+@cache
+def statements(path: Path) -> list[ast.AST]:
+    """Return a module and its statements. Expressions are omitted, because they make up most of a syntax tree."""
+    nodes: list[ast.AST] = [tree(path)]
+    for node in nodes:
+        nodes += [inner for name in BODIES for inner in getattr(node, name, ())]
+    return nodes
+
+
+@cache
 def imported(path: Path) -> frozenset[str]:
     """Return every module, and every name in it, that a file imports anywhere."""
-    return frozenset(named_by(ast.walk(tree(path))))
+    return frozenset(named_by(statements(path)))
 
 
 def test_package_has_the_expected_entries() -> None:
@@ -180,7 +207,7 @@ def is_defined(node: ast.ImportFrom, name: str) -> bool:
 @cache
 def defined_names(module: Path) -> frozenset[str]:
     """Return the names of all definitions, assignments and imports of a module, and of what is inside its definitions."""
-    nodes = list(ast.walk(tree(module)))
+    nodes = nodes_of(module)
     return frozenset(str(getattr(node, key)) for node in nodes for key in ("name", "id", "asname") if hasattr(node, key))
 
 
@@ -310,7 +337,7 @@ FIXED_NAMES = {"batched", "namespaced", "wrapped", "settled"}
 def test_function_names_are_not_bare_participles() -> None:
     """A participle alone, such as `placed` or `told`, does not describe what a function does or returns."""
     names = {
-        f"{place_of(path)}:{node.name}" for path in modules() for node in ast.walk(tree(path))
+        f"{place_of(path)}:{node.name}" for path in modules() for node in statements(path)
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.name not in FIXED_NAMES
         and not any("property" in ast.unparse(decorator) or "setter" in ast.unparse(decorator) for decorator in node.decorator_list)
         and (name := node.name.strip("_")) not in VERBS and (name in IRREGULAR or re.fullmatch("[a-z]+(ed|en)", name))
@@ -330,7 +357,7 @@ def test_class_names_are_unique() -> None:
     """`modes` is used next to a simulation, without the compiler: it has its own joints, links and modes."""
     places: dict[str, set[str]] = {}
     for path in modules():
-        for node in ast.walk(tree(path)):
+        for node in statements(path):
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_") and not place_of(path).startswith("modes/"):
                 places.setdefault(node.name, set()).add(path.relative_to(PACKAGE).as_posix())
     assert places and {name: sorted(files) for name, files in places.items() if len(files) > 1} == {}
@@ -347,7 +374,7 @@ def test_float_sums_do_not_depend_on_the_python_version() -> None:
     """The built-in `sum` of floats changed in Python 3.12. In numeric modules it may only count, or add to a start value."""
     others = []
     for path in (one for one in modules() if place_of(one).startswith(NUMBERS)):
-        for node in ast.walk(tree(path)):
+        for node in nodes_of(path):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "sum" and len(node.args) == 1:
                 of = node.args[0].elt if isinstance(node.args[0], ast.GeneratorExp) else node.args[0]
                 if not (isinstance(of, ast.Constant) and type(of.value) is int):
@@ -392,7 +419,7 @@ def test_recordable_numbers_go_through_numeric() -> None:
     settings. `min` with a `key` must choose a branch anyway."""
     found: dict[str, set[str]] = {}
     for path in (one for one in modules() if place_of(one).startswith(RECORDED) and not place_of(one).startswith(NOT_RECORDED)):
-        nodes = list(ast.walk(tree(path)))
+        nodes = nodes_of(path)
         keyed = {node.func for node in nodes if isinstance(node, ast.Call) and any(one.arg == "key" for one in node.keywords)}
         for node in nodes:
             if isinstance(node, ast.Name) and node.id in ("min", "max") and isinstance(node.ctx, ast.Load) and node not in keyed:
@@ -429,7 +456,7 @@ def test_warnings_of_documents_can_be_allowed() -> None:
     passes = ("documents/", "model/", "targets/", "driver/testing/")
     warned: dict[str, bool] = {}
     for path in modules():
-        for node in ast.walk(tree(path)) if place_of(path).startswith(passes) else ():
+        for node in nodes_of(path) if place_of(path).startswith(passes) else ():
             if not isinstance(node, ast.Call) or not node.args:
                 continue
             code = node.args[0]
@@ -448,7 +475,7 @@ def test_commands_print_through_the_console_module() -> None:
     """`console.say` and the diagnostic formats escape text of documents; a plain `print` would output escape sequences."""
     plain = [
         f"{path.name}:{node.lineno}" for path in (PACKAGE / "tools/cli").glob("*.py") if path.name != "console.py"
-        for node in ast.walk(tree(path))
+        for node in nodes_of(path)
         if isinstance(node, ast.Call) and (
             isinstance(node.func, ast.Name) and node.func.id == "print"
             or isinstance(node.func, ast.Attribute) and node.func.attr == "write" and "sys.std" in ast.unparse(node.func)

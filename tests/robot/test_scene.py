@@ -174,18 +174,22 @@ def test_invalid_scenes_are_reported(tmp_path: Path, written: str) -> None:
 
 
 def test_scenes_can_be_nested(tmp_path: Path) -> None:
-    """Modes of robots in a nested scene also determine drives, start poses and places."""
+    """Modes of robots in a nested scene, at any level, also determine drives, start poses and places."""
     hall = (
         "thingc: assembly/1\nname: hall\ncomponents:\n  floor: {frame: true}\n"
-        "  one: {assembly: desk.yaml, at: {in: floor.origin}}\n  two: {assembly: desk.yaml, at: {in: floor.origin, xyz: 0 5 0 m}}\n"
+        "  one: {assembly: desk.yaml, at: {in: floor.origin}}\n  two: {assembly: corner.yaml, at: {in: floor.origin, xyz: 0 5 0 m}}\n"
         "poses: {zero: {}}\nmodes: {all: {root: floor, pose: zero}}\n"
     )
-    made = compiled(tmp_path, {"hall.yaml": hall, **DOCUMENTS})
+    corner = (
+        "thingc: assembly/1\nname: corner\ncomponents:\n  floor: {frame: true}\n  desk: {assembly: desk.yaml, at: {in: floor.origin}}\n"
+    )
+    made = compiled(tmp_path, {"hall.yaml": hall, "corner.yaml": corner, **DOCUMENTS})
     assert {code for code, *_ in made.said} <= {"TC517", "TC522", "TC792"}, made.said
     data = at_start(made.model("all"), "zero")
     assert {data.model.actuator(number).name for number in range(data.model.nu)} == {
-        f"{desk}/{drive}" for desk in ("one", "two")
+        f"{desk}/{drive}" for desk in ("one", "two/desk")
         for drive in ("left/shoulder", "left/wrist_0", "right/shoulder", "fourth/shoulder", "fourth/wrist_0")
     }
-    assert data.joint("two/left/shoulder").qpos == pytest.approx([0.5]) and data.joint("two/third/shoulder").qpos == pytest.approx([-0.7])
-    assert data.body("two/cube/cube").xpos - data.body("one/cube/cube").xpos == pytest.approx([0, 5, 0])
+    shoulders = [data.joint(f"two/desk/{robot}/shoulder").qpos[0] for robot in ("left", "third")]
+    assert shoulders == pytest.approx([0.5, -0.7])
+    assert data.body("two/desk/cube/cube").xpos - data.body("one/cube/cube").xpos == pytest.approx([0, 5, 0])

@@ -118,6 +118,7 @@ def _fill(context: ResolveRun, table: DocumentScope, *, top: bool) -> None:
     placements = own_placements(context, table, places)
     unknown_child = joints(table, moving, places)
     unknown_child = place_in_modes(table, placements) or unknown_child
+    table.has_modes = bool(table.by_mode) or any(node.table is not None and node.table.has_modes for node in table.nodes.values())
     mimics(table, moving)
     transmissions(table, geared, [item.name for item in moving if item.spec.drive is not None])
     check(table, places, unknown_child=unknown_child)

@@ -76,6 +76,7 @@ class DocumentScope:
     nested documents. `base` is the name of the base component. `loose` contains the valid references of elements that were omitted because
     of another, invalid reference. `coupled` contains the drives of differentials. `images` contains the mirror images of the definition,
     keyed by axis. `by_mode` contains the modes in which nested assemblies are placed, by component.
+    `has_modes` is True if the document or a document below it contains such an assembly.
     """
 
     document: Document
@@ -101,6 +102,7 @@ class DocumentScope:
     definition: resolved.AssemblyDefinition | None = None
     images: dict[str, resolved.AssemblyDefinition] = field(default_factory=dict)
     by_mode: dict[str, resolved.Mode] = field(default_factory=dict)
+    has_modes: bool = False
 
     @property
     def doubts(self) -> InvalidEntries:
@@ -133,8 +135,7 @@ class DocumentScope:
         for node in self.nodes.values():
             yield node.name, node
             if node.table is not None:
-                for path, inner in node.table.all_nodes():
-                    yield f"{node.name}.{path}", inner
+                yield from ((f"{node.name}.{path}", inner) for path, inner in node.table.all_nodes())
 
     def all_modes(self) -> Iterator[tuple[str, DocumentScope, resolved.Mode]]:
         """Yield the path of each nested assembly that is placed in a mode, with dots, its scope and the mode.
@@ -144,7 +145,7 @@ class DocumentScope:
         for node in self.nodes.values():
             if node.table is not None and node.name in self.by_mode:
                 yield node.name, node.table, self.by_mode[node.name]
-            elif node.table is not None:
+            elif node.table is not None and node.table.has_modes:  # otherwise, equal nested documents would be searched many times
                 yield from ((f"{node.name}.{path}", inner, mode) for path, inner, mode in node.table.all_modes())
 
     def may_lack_joints(self) -> bool:
@@ -299,12 +300,11 @@ def names_in(*models: object) -> tuple[str, ...]:
     """Return the names that expressions in these models use. Only the values of these names influence the evaluation of the models."""
     names: set[str] = set()
     waiting = list(models)
-    while waiting:
-        value = waiting.pop()
+    for value in waiting:
         if isinstance(value, Expression):
             names.update(use.name for use in value.names)
         elif isinstance(value, BaseModel):
-            waiting.extend(vars(value).values())
+            waiting.extend(inner for inner in vars(value).values() if inner is not None)  # most values are None
         elif isinstance(value, Mapping):
             waiting.extend(value.values())
         elif isinstance(value, (list, tuple)):
