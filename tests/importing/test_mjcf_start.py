@@ -96,6 +96,16 @@ def test_violated_mimic_of_the_source_is_closed_at_the_start(angle: str, keys: s
         assert abs(data.efc_pos[0]) < 1e-6
 
 
+def test_keyframe_with_a_mimic_outside_its_limits_is_lost(tmp_path: Path) -> None:
+    keys = '<keyframe><key name="far" qpos="1 0"/><key name="near" qpos="0.1 0.1"/></keyframe>'
+    text = TONGS.replace("KEYS", keys).replace('name="right" axis', 'name="right" range="-30 30" axis')
+    imported = imported_from(text, tmp_path)
+    why = "joint `right`, which mimics another joint, would be outside its limits"
+    assert [(one.what, one.why) for one in imported.losses if one.what.startswith("keyframe")] == [("keyframe `far`", why)]
+    model = thingc.compile(tmp_path / imported.document).modes["source"].model()
+    assert [model.key(k).name for k in range(model.nkey)] == ["near"]
+
+
 FLOATING = """\
 <mujoco model="dog">
   <default><joint armature="0.3" damping="0.2" frictionloss="0.1"/></default>

@@ -176,7 +176,7 @@ def poses(
 
     `released` contains the initial poses of bodies with free joints in the frame of the root.
 
-    Velocities and activations in keyframes are recorded as losses.
+    Velocities and activations in keyframes are recorded as losses, and keyframes in which a mimic would be outside its limits.
     """
     model, poses = original.model, []
     places = [one.where for one in original.flat.lines if one.tag == "key"][::2]
@@ -201,10 +201,16 @@ def poses(
                 if abs(value - joints[name_of].ends.nearest(value)) > _ALIKE:
                     what = f"joint `{name_of}` at {value:g} in keyframe `{name}`"
                     original.losses.note(what, "the value is outside the limit (the limit is used)", where)
+        impossible = []
         for name_of, follows in following.items():
             was, leader = q.pop(name_of), q[follows.joint]
-            if isinstance(was, float) and isinstance(leader, float) and abs(was - follows.at(leader)) > 1e-6:
+            if isinstance(was, float) and isinstance(leader, float) and abs(was - (value := follows.at(leader))) > 1e-6:
                 original.losses.note(f"joint `{name_of}` at {was:g} in keyframe `{name}`", f"the joint mimics `{follows.joint}`", where)
+                impossible += [name_of] if abs(value - joints[name_of].ends.nearest(value)) > _ALIKE else []
+        if impossible:
+            why = f"joint `{impossible[0]}`, which mimics another joint, would be outside its limits"
+            original.losses.note(f"keyframe `{name}`", why, where)
+            continue
         moved = base == "free" and any(abs(a - b) > _ALIKE for a, b in zip(here, usual, strict=True))
         for loop, gap in _open_loops(original, number):
             what = f"the values of keyframe `{name}`: loop `{loop}` has a gap of {gap:.2g} m"
