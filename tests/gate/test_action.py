@@ -34,11 +34,12 @@ def steps() -> list[dict[str, Any]]:
 @dataclass
 class Job:
     """Runs the `run` steps of `action.yml` like GitHub's runner: it evaluates expressions, starts a shell for each step, and reads
-    outputs from files."""
+    outputs from files. The folder `programs` comes first in PATH."""
 
     folder: Path
     temp: Path
     store: str
+    programs: Path = BIN
     github: dict[str, str] = field(default_factory=dict)
     inputs: dict[str, str] = field(default_factory=dict)
     outputs: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -83,7 +84,7 @@ class Job:
         output = self.temp / "output"
         output.write_text("")
         environment = {
-            "PATH": f"{BIN}:{os.environ['PATH']}", "HOME": str(self.temp), "GITHUB_OUTPUT": str(output),
+            "PATH": f"{self.programs}:{BIN}:{os.environ['PATH']}", "HOME": str(self.temp), "GITHUB_OUTPUT": str(output),
             "GITHUB_ACTION_PATH": str(ROOT), "RUNNER_TEMP": str(self.temp), "GITHUB_WORKSPACE": str(self.folder),
             "THINGC_STORE": self.store,
             **{name: self.filled(value) for name, value in step.get("env", {}).items() if name != "THINGC_STORE"},
@@ -197,6 +198,16 @@ def test_part_code_from_fork_does_not_run(job: Job, tmp_path: Path) -> None:
     assert "Build" not in job.printed
 
 
+@pytest.fixture
+def without_documents(tmp_path: Path) -> Job:
+    """A job whose `thingc` is a script that finds no document."""
+    programs = tmp_path / "bin"
+    programs.mkdir()
+    (programs / "thingc").write_text("#!/bin/sh\n")
+    (programs / "thingc").chmod(0o755)
+    return Job(folder=tmp_path, temp=tmp_path, store="", programs=programs)
+
+
 @pytest.mark.parametrize(("event", "head", "trust", "code"), [
     ("push", None, "auto", "yes"),
     ("pull_request", "us/robots", "auto", "yes"),
@@ -212,10 +223,13 @@ def test_part_code_from_fork_does_not_run(job: Job, tmp_path: Path) -> None:
     ("workflow_run", None, "yes", "yes"),
     ("push", None, "no", "no"),
 ])
-def test_part_code_runs_only_for_authors_with_push_access(tmp_path: Path, event: str, head: str | None, trust: str, code: str) -> None:
-    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
-    github = {"event_name": event, "repository": "us/robots"} | ({} if head is None else {"event.pull_request.head.repo.full_name": head})
-    job = Job(folder=tmp_path, temp=tmp_path, store=str(tmp_path / "store"), github=github)
+def test_part_code_runs_only_for_authors_with_push_access(
+    without_documents: Job, event: str, head: str | None, trust: str, code: str,
+) -> None:
+    job = without_documents
+    job.github = {"event_name": event, "repository": "us/robots"}
+    if head is not None:
+        job.github["event.pull_request.head.repo.full_name"] = head
     job.inputs = {"folder": ".", "since": "", "trust": trust}
     job.step(steps()[0])
     assert not job.failed, job.printed
@@ -223,9 +237,9 @@ def test_part_code_runs_only_for_authors_with_push_access(tmp_path: Path, event:
 
 
 @pytest.mark.parametrize("trust", ["true", "false", "No", "", "::error::x"])
-def test_unknown_trust_fails(tmp_path: Path, trust: str) -> None:
-    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
-    job = Job(folder=tmp_path, temp=tmp_path, store=str(tmp_path / "store"), github={"event_name": "push", "repository": "us/robots"})
+def test_unknown_trust_fails(without_documents: Job, trust: str) -> None:
+    job = without_documents
+    job.github = {"event_name": "push", "repository": "us/robots"}
     job.inputs = {"folder": ".", "since": "", "trust": trust}
     job.step(steps()[0])
     assert job.failed and "expected auto, yes or no" in job.printed["Find affected documents"]
