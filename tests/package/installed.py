@@ -45,13 +45,38 @@ class Installed:
         return done.stdout
 
 
-def install(folder: Path, wheel: Path, store: str) -> Installed:
-    """Install a wheel in a new environment without its dependencies. A `.pth` file adds the dependencies of this environment to
-    `sys.path`. The `.pth` files of this environment are not read, so the checkout is not on `sys.path`."""
-    venv.create(folder, with_pip=False, symlinks=True)
-    names = {"base": str(folder), "platbase": str(folder)}
-    programs, packages = (Path(sysconfig.get_path(one, "venv", names)) for one in ("scripts", "purelib"))
+def install(folder: Path, wheel: Path) -> None:
+    """Install a wheel in a new environment without its dependencies."""
+    programs, packages = _create(folder, [])
     command = [sys.executable, "-m", "pip", "--python", str(programs / "python"), "install", "--no-deps", "--no-index"]
     subprocess.run([*command, "--no-compile", "--quiet", str(wheel)], check=True)
-    (packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
-    return Installed(programs=programs, packages=packages, store=store)
+
+
+def installed_in(folder: Path, store: str) -> Installed:
+    """Return the environment that `install` has created in a folder."""
+    return Installed(*_places(folder), store)
+
+
+def derive(folder: Path, store: str, other: Installed) -> Installed:
+    """Create an environment that reads thingc from another one, where it is already compiled."""
+    programs, packages = _create(folder, [other.packages])
+    script = programs / "thingc"
+    script.write_text((other.programs / script.name).read_text().replace(str(other.programs), str(programs)))
+    script.chmod(0o755)
+    return Installed(programs, packages, store)
+
+
+def _create(folder: Path, others: list[Path]) -> tuple[Path, Path]:
+    """Create an environment without packages. A `.pth` file adds the dependencies of this environment and other folders to `sys.path`.
+    The `.pth` files of this environment are not read, so the checkout is not on `sys.path`."""
+    venv.create(folder, with_pip=False, symlinks=True)
+    programs, packages = _places(folder)
+    (packages / "dependencies.pth").write_text("".join(f"{path}\n" for path in (*others, sysconfig.get_path("purelib"))))
+    return programs, packages
+
+
+def _places(folder: Path) -> tuple[Path, Path]:
+    """Return the folder of programs and the folder of packages of the environment in a folder."""
+    names = {"base": str(folder), "platbase": str(folder)}
+    programs, packages = (Path(sysconfig.get_path(one, "venv", names)) for one in ("scripts", "purelib"))
+    return programs, packages

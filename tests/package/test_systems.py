@@ -13,7 +13,7 @@ from pathlib import Path, PureWindowsPath
 import pytest
 
 import thingc.documents.workspace
-from package.installed import ROOT, Installed, install
+from package.installed import ROOT, Installed, derive
 from thingc.base.diagnostics import Report
 from thingc.documents.load import paths
 from thingc.documents.workspace import Workspace
@@ -69,15 +69,13 @@ def test_posix_modules_are_imported_lazily() -> None:
     assert found == [] and lazy > 5
 
 
-@pytest.fixture(scope="module")
-def elsewhere(dist: Path, tmp_path_factory: pytest.TempPathFactory) -> Installed:
+@pytest.fixture
+def elsewhere(installed: Installed, tmp_path: Path) -> Installed:
     """thingc in an environment without features of POSIX in all processes, including workers, and with a separate store."""
-    folder = tmp_path_factory.mktemp("elsewhere")
-    (wheel,) = dist.glob("*.whl")
-    installed = install(folder / "venv", wheel, str(folder / "store"))
-    (installed.packages / HIDDEN.name).write_bytes(HIDDEN.read_bytes())
-    (installed.packages / "without_posix.pth").write_text("import without_posix\n")
-    return installed
+    derived = derive(tmp_path / "venv", str(tmp_path / "store"), installed)
+    (derived.packages / HIDDEN.name).write_bytes(HIDDEN.read_bytes())
+    (derived.packages / "without_posix.pth").write_text("import without_posix\n")
+    return derived
 
 
 @pytest.mark.slow

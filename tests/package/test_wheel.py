@@ -17,7 +17,7 @@ import mujoco
 import pytest
 
 import thingc
-from package.installed import ROOT, build, install, run_module
+from package.installed import ROOT, Installed, build, run_module
 
 pytestmark = pytest.mark.slow
 
@@ -112,12 +112,11 @@ def test_pip_builds_the_same_wheel_from_the_sdist(wheel: Path, sdist: Path, tmp_
     assert (tmp_path / wheel.name).read_bytes() == wheel.read_bytes()
 
 
-def test_installed_thingc_creates_and_builds_a_robot(wheel: Path, tmp_path: Path, shared_store: str) -> None:
-    installed = install(tmp_path / "venv", wheel, shared_store)
+def test_installed_thingc_creates_and_builds_a_robot(installed: Installed, tmp_path: Path) -> None:
     rover = tmp_path / "rover"
     code = "import sys, thingc, thingc_stock; print(thingc.__file__, *thingc_stock.__path__, *sys.path, sep='\\n')"
     places = installed.run(tmp_path, "python", "-P", "-c", code).splitlines()
-    assert all(Path(place).is_relative_to(tmp_path / "venv") for place in places[:2])
+    assert all(Path(place).is_relative_to(installed.packages) for place in places[:2])
     assert not any(Path(place).is_relative_to(ROOT / "compiler") or Path(place) == ROOT / "parts" for place in places)
 
     assert installed.run(tmp_path, "thingc", "--version") == f"thingc {thingc.__version__}\n"
