@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from testing.rig import HEAD, PARALLELOGRAM, SLIDERS, Workspace, two_links
-from thingc.base.pose import Pose
+from thingc.base.pose import Pose, along
 from thingc.driver import pipeline
 from thingc.driver.environment import Environment, Options
 from thingc.model.resolve.types import JointRange
 from thingc.model.robot.types import Keyframe
 from thingc.model.solids.clearance import BoundedSolid, SolidPair, SolidPlace, Sweep, body_of, prove
-from thingc.model.solids.contact_cells import joint_bounds, prove_pairs
+from thingc.model.solids.contact_cells import JointSide, joint_bounds, prove_pairs
 from thingc.model.solids.shapes import Solid, solid_of
 
 Array = NDArray[np.float64]
@@ -357,6 +357,26 @@ def test_parts_that_come_into_contact_are_compared_in_cells(tmp_path: Path) -> N
         pair = SolidPair(*indices, joined=True, deep=5e-6, bodies=bodies)
         prove_pairs(sweep, [pair])
         assert (pair.verdict, pair.apart) == (verdict, True) and (pair.seen < 30 or verdict != "contact")
+    # A second pad is under the arm in the middle of the range. The gap of 3e-6 m is smaller than the errors of the surfaces.
+    near, high = block.translate((0.0, 0.0, -1e-3 - 3e-6)), pad.translate((0.0, 0.0, 3e-6))
+    for pads, verdict in ((near, "clear"), (near + high, "contact")):
+        bodies = BoundedSolid(solid(pads).at(poses[0]), 1e-5), BoundedSolid(arm.at(poses[1]), 0.0)
+        pair = SolidPair(*indices, error=1e-5, joined=True, deep=5e-6, bodies=bodies)
+        prove_pairs(sweep, [pair])
+        assert (pair.verdict, pair.seen) == (verdict, 1)
+
+
+def test_contact_on_slanted_faces_is_compared_in_cells(tmp_path: Path) -> None:
+    """A wedge slides in a groove, so the bounds of both overlap in the cells around their faces. A deeper wedge cuts into the groove."""
+    sweep, indices, poses = plate_and_hub(tmp_path, "prismatic", 0.01)
+    wedge = Manifold.hull_points(np.array([(x, y, z) for x, y in ((0, 0), (9, 4), (-7, 4)) for z in (0, 5)], dtype=np.float64))
+    groove = Manifold.cube((20, 6, 40)).translate((-10, -2, -15)) - wedge.scale((1.0, 1.0, 9.0)).translate((0, 0, -20))
+    for deeper, verdict in ((0.0, "contact"), (0.1, "touches")):
+        whole = [solid(each.scale([1e-3] * 3)) for each in (groove, wedge.translate((0.0, -deeper, 0.0)))]
+        plate, hub = (BoundedSolid(one.at(pose), 0.0) for one, pose in zip(whole, poses, strict=True))
+        pair = SolidPair(*indices, joined=True, deep=1e-5, bodies=(plate, hub))
+        prove_pairs(sweep, [pair])
+        assert pair.verdict == verdict
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
@@ -400,10 +420,36 @@ def test_bounds_contain_all_points_of_triangles() -> None:
         corners = source.uniform(-1.0, 1.0, (1, 3, 3))
         points = weights @ corners[0]
         radii = np.hypot(points[:, 0], points[:, 1])
-        low, high = joint_bounds(corners, turns=True)
+        low, high = (bounds[0] for bounds in joint_bounds(corners, turns=True))
         assert low[0] - 1e-12 <= radii.min() < low[0] + 0.02 and radii.max() - 1e-12 <= high[0] < radii.max() + 0.02
         axis += low[0] == 0.0
         assert np.allclose([low[1], high[1]], [corners[:, :, 2].min(), corners[:, :, 2].max()])
-        low, high = joint_bounds(corners, turns=False)
+        low, high = (bounds[0] for bounds in joint_bounds(corners, turns=False))
         assert np.allclose([low, high], [corners.min(axis=(0, 1))[:2], corners.max(axis=(0, 1))[:2]])
     assert 5 < axis < 40
+
+
+@pytest.mark.parametrize("turns", [True, False])
+def test_bounds_in_cells_contain_all_points_of_solids(turns: bool) -> None:
+    """The solid is a union of boxes and of a hollow cylinder, and its points are sampled in these shapes. Some cells are completely inside
+    of the solid, so that no triangle is in them."""
+    source = np.random.default_rng(41)
+    tube = Manifold.cylinder(1.0, 3.0, -1.0, 96) - Manifold.cylinder(3.0, 1.0, -1.0, 96, True)
+    radii, angles = np.sqrt(source.uniform(1.01, 8.9, 5_000)), source.uniform(0.0, 2.0 * np.pi, 5_000)
+    points = [np.stack([radii * np.cos(angles), radii * np.sin(angles), source.uniform(0.0, 1.0, 5_000)], axis=1)]
+    for corner, size in zip(source.uniform(-4.0, 2.0, (3, 3)), source.uniform(0.5, 3.0, (3, 3)), strict=True):
+        tube += Manifold.cube(size.tolist()).translate(corner.tolist())
+        points.append(corner + size * source.uniform(0.0, 1.0, (5_000, 3)))
+    pose = along((0.48, -0.6, 0.64), (1.0, -2.0, 3.0))
+    side = JointSide(BoundedSolid(solid(tube).at(pose), 0.0), pose, turns)
+    x, y, z = np.concatenate(points).T
+    coordinates = np.stack([np.hypot(x, y), z] if turns else [x, y], axis=1)
+    filled = empty = 0
+    for low in source.uniform([0.0, -3.0], [4.0, 3.0], (300, 2)):
+        cell = np.stack([low, low + source.uniform(0.02, 1.0, 2)])
+        inside = coordinates[((coordinates >= cell[0]) & (coordinates <= cell[1])).all(axis=1)]
+        first, last = side.bounds_in(((cell[0, 0], cell[1, 0]), (cell[0, 1], cell[1, 1])))
+        assert (inside >= first - 1e-9).all() and (inside <= last + 1e-9).all()
+        filled += bool((first == cell[0]).all() and (last == cell[1]).all())
+        empty += bool((first == np.inf).any())
+    assert 20 < filled < 280 and (empty > 20 or not turns), (filled, empty)

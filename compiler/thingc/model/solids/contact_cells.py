@@ -1,33 +1,32 @@
 """Divide two parts that are in contact at a joint, so that the rest of the parts is compared in all positions.
 
 A ring around the axis of a hinge, and a prism along a slide, do not change when the joint moves. Two parts can therefore touch only inside
-the same ring or prism. Rings in which the parts are always in contact are divided further. If the heights or radii of the parts in a ring
-do not overlap, the parts are clear there in all positions. If they overlap by less than the thickness of an intersection that counts as
-more than contact, the parts can only touch there.
+the same ring or prism. If the heights or radii of the parts in a ring do not overlap, the parts are clear there in all positions. If they
+overlap by less than the thickness of an intersection that counts as more than contact, the parts can only touch there. The heights and
+radii are bounds of triangles, so most rings are decided without cutting the parts.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import product
-from math import cos, pi
+from math import cos, inf, pi, sin
 
 import numpy as np
 from manifold3d import Manifold
-from numpy.typing import NDArray
 
-from thingc.base.pose import along
+from thingc.base.pose import Pose, along
 from thingc.base.progress import Progress, ProgressCounter
 from thingc.model.solids.clearance import BoundedSolid, SolidPair, SolidPlace, Sweep, prove
-from thingc.model.solids.joint_boxes import SKIN, TOUCH
+from thingc.model.solids.joint_boxes import SKIN, TOUCH, Array
 from thingc.model.solids.shapes import Solid
 
 FACETS = 64
 """Number of facets of a ring. A ring with facets contains the exact ring."""
-PATIENCE = (0, 1, 8)
-"""Number of positions in which the parts are compared in a cell before the cell is divided into four cells, by level. If the parts are in
-contact in all of these positions in a cell of the last level, they count as in contact there.
-"""
+LEVELS = 3
+"""How often the cells around a joint are divided into four cells."""
+PATIENCE = 8
+"""Number of positions after which parts that are in contact in all of them count as in contact in a cell."""
 
 MARGIN = 1e-4
 """Smallest distance [m] by which the cells extend beyond the parts, so that they contain contacts at the end of a part."""
@@ -50,43 +49,39 @@ def prove_pairs(sweep: Sweep, pairs: Sequence[SolidPair], progress: Progress | N
 
 def _divide(sweep: Sweep, pair: SolidPair) -> None:
     """Compare two parts that are in contact at a single hinge or slide, except for the cells in which they are always in contact."""
-    pair.found = pair.near = False
+    pair.found = False
     place = sweep.place(sweep.initial)
     assert place is not None, "the loops close in the keyframe"
     cells = _Cells(place, pair, sweep.joints_between(pair.one, pair.other)[0][0])
-    waiting = [(cells.bounds, pair)]
-    touching: list[SolidPair] = []
-    for patience in PATIENCE:
-        cut = [part for bounds, whole in waiting for cell in _quarters(bounds) for part in cells.cut(whole, cell, patience)]
-        touching += [part for _, part, thin in cut if thin]
-        parts = [(cell, part) for cell, part, thin in cut if not thin]
-        prove(sweep, [part for _, part in parts])
-        worst = max((part for _, part in parts if part.verdict == "touches"), key=lambda part: part.depth, default=None)
-        if worst is not None:
-            pair.found, pair.gap = True, 0.0
-            pair.depth, pair.volume, pair.q = worst.depth, worst.volume, worst.q
-            return
-        waiting = [(cell, part) for cell, part in parts if part.verdict != "clear"]
-    pair.near = pair.gap <= TOUCH or bool(waiting)
-    if not pair.near:  # the parts are nearer than the errors of their surfaces, but not in contact
-        prove(sweep, touching)
-        pair.near = any(part.verdict != "clear" for part in touching)
+    most = max(SKIN, min(pair.deep, pair.error + SKIN))  # the overlap is an upper bound of the mean thickness of an intersection
+    open_cells, near = [cells.bounds], False
+    for _ in range(LEVELS):
+        overlaps = [(cell, cells.overlap(cell)) for bounds in open_cells for cell in _quarters(bounds)]
+        near |= any(-TOUCH <= overlap <= most for _, overlap in overlaps)
+        open_cells = [cell for cell, overlap in overlaps if overlap > most]
+    parts = [part for cell in open_cells for part in cells.cut(cell)]
+    prove(sweep, parts)
+    pair.near = near or any(part.verdict != "clear" for part in parts)
+    worst = max((part for part in parts if part.verdict == "touches"), key=lambda part: part.depth, default=None)
+    if worst is not None:
+        pair.found, pair.gap = True, 0.0
+        pair.depth, pair.volume, pair.q = worst.depth, worst.volume, worst.q
 
 
-def joint_bounds(corners: NDArray[np.float64], turns: bool) -> NDArray[np.float64]:
-    """Return the bounds (2 x 2: low, high) [m] of triangles with the given corners (n x 3 x 3) in the frame of a joint.
+def joint_bounds(corners: Array, turns: bool) -> tuple[Array, Array]:
+    """Return the lower and upper bounds (n x 2) [m] of triangles with the given corners (n x 3 x 3) in the frame of a joint.
 
     The coordinates are the radius and the height for a hinge (`turns`), and x and y for a slide. The joint does not change them.
     """
-    flat = corners[:, :, :2]
+    flat, heights = corners[:, :, :2], corners[:, :, 2]
     if not turns:
-        return np.stack([flat.min(axis=(0, 1)), flat.max(axis=(0, 1))])
+        return flat.min(axis=1), flat.max(axis=1)
     edges = np.roll(flat, -1, axis=1) - flat
     part = np.clip(-(flat * edges).sum(axis=2) / np.maximum((edges**2).sum(axis=2), 1e-30), 0.0, 1.0)  # nearest points of the edges
     sides = np.sign(flat[:, :, 0] * edges[:, :, 1] - flat[:, :, 1] * edges[:, :, 0]).sum(axis=1)
-    low = 0.0 if (np.abs(sides) == 3.0).any() else np.linalg.norm(flat + part[:, :, None] * edges, axis=2).min()
-    heights = corners[:, :, 2]
-    return np.array([[low, heights.min()], [np.linalg.norm(flat, axis=2).max(), heights.max()]])
+    nearest = np.where(np.abs(sides) == 3.0, 0.0, np.linalg.norm(flat + part[:, :, None] * edges, axis=2).min(axis=1))
+    farthest = np.linalg.norm(flat, axis=2).max(axis=1)
+    return np.stack([nearest, heights.min(axis=1)], axis=1), np.stack([farthest, heights.max(axis=1)], axis=1)
 
 
 def _quarters(bounds: Bounds) -> Iterator[Bounds]:
@@ -102,46 +97,74 @@ class _Cells:
 
     def __init__(self, place: SolidPlace, pair: SolidPair, joint: int) -> None:
         anchor, angular, linear = (tuple(vector) for vector in place.twists[joint].tolist())
-        self.turns = any(angular)
-        frame = along(angular if self.turns else linear, anchor)
-        self.poses = [place.at(part).inverse() @ frame for part in (pair.one, pair.other)]
-        low, high, length = self._shared_bounds([body.solid.whole for body in pair.bodies])
-        self.length = 2.1 * length
+        turns = any(angular)
+        frame = along(angular if turns else linear, anchor)
+        parts = zip((pair.one, pair.other), pair.bodies, strict=True)
+        self.pair, self.sides = pair, [JointSide(body, place.at(part).inverse() @ frame, turns) for part, body in parts]
+        reach = max(side.reach for side in self.sides)
+        low, high = self._shared_bounds(((-reach, reach), (-reach, reach)))
         low, high = low - (margin := max(pair.error, MARGIN)), high + margin
-        self.bounds: Bounds = ((0.0 if self.turns else float(low[0]), float(high[0])), (float(low[1]), float(high[1])))
+        self.bounds: Bounds = ((0.0 if turns else float(low[0]), float(high[0])), (float(low[1]), float(high[1])))
 
-    def _shared_bounds(self, solids: Sequence[Manifold]) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-        """Return the bounds (low, high) [m] that are shared by the two solids, and the largest coordinate of their corners [m]."""
-        frames = [(pose.inverse(), solid.to_mesh64()) for pose, solid in zip(self.poses, solids, strict=True)]
-        corners = [
-            (np.asarray(mesh.vert_properties)[:, :3] @ np.array(frame.rotation).T + np.array(frame.translation))[np.asarray(mesh.tri_verts)]
-            for frame, mesh in frames
-        ]
-        lows, highs = zip(*(joint_bounds(each, self.turns) for each in corners), strict=True)
-        return np.max(lows, axis=0), np.min(highs, axis=0), max(float(np.abs(each).max()) for each in corners)
+    def _shared_bounds(self, cell: Bounds) -> tuple[Array, Array]:
+        lows, highs = zip(*(side.bounds_in(cell) for side in self.sides), strict=True)
+        return np.max(lows, axis=0), np.min(highs, axis=0)
 
-    def cut(self, pair: SolidPair, bounds: Bounds, patience: int) -> Iterator[tuple[Bounds, SolidPair, bool]]:
-        """Yield a copy of a pair with the parts of its solids inside a cell, with the cell, and whether the parts can only touch there.
-
-        Yield nothing if one of the solids is empty in the cell, or if the parts are clear there in all positions. The smallest overlap of
-        the bounds of the parts is an upper bound of the mean thickness of their intersection in all positions.
+    def overlap(self, cell: Bounds) -> float:
+        """Return the smallest overlap [m] of the bounds of the parts in a cell: an upper bound of the mean thickness of their intersection
+        in all positions. If the overlap is negative, the parts are clear in the cell.
         """
-        (a, b), (c, d) = bounds
+        low, high = self._shared_bounds(cell)
+        return float((high - low).min())
+
+    def cut(self, cell: Bounds) -> Iterator[SolidPair]:
+        """Yield a copy of the pair with the parts of its solids inside a cell, unless one of them is empty."""
+        one, other = (side.cut(cell) for side in self.sides)
+        if one is not None and other is not None:
+            pair = self.pair
+            yield SolidPair(pair.one, pair.other, pair.error, True, 0.0, pair.deep, PATIENCE, bodies=(one, other))
+
+
+class JointSide:
+    """One of two parts at a joint. `pose` is the frame of the joint in the frame of the part, and `turns` is True for a hinge.
+
+    No coordinate of the part in the frame of the joint is greater than `reach` [m].
+    """
+
+    def __init__(self, body: BoundedSolid, pose: Pose, turns: bool) -> None:
+        self.body, self.pose, self.turns = body, pose, turns
+        frame, mesh = pose.inverse(), body.solid.whole.to_mesh64()
+        corners = np.asarray(mesh.vert_properties)[:, :3] @ np.array(frame.rotation).T + np.array(frame.translation)
+        self.triangle_bounds = joint_bounds(corners[np.asarray(mesh.tri_verts)], turns)
+        self.reach = 1.1 * float(np.linalg.norm(corners, axis=1).max())
+
+    def bounds_in(self, cell: Bounds) -> tuple[Array, Array]:
+        """Return bounds (low, high) [m] of the solid in a cell. If the solid is empty there, they are infinite."""
+        (low, high), (start, end) = self.triangle_bounds, np.array(cell).T
+        near = ((high >= start) & (low <= end)).all(axis=1)
+        first = np.maximum(low[near].min(axis=0, initial=inf), start)
+        last = np.minimum(high[near].max(axis=0, initial=-inf), end)
+        # The space between the triangles and the border of the cell is either inside or outside of the solid.
+        if (first > start).any() and self._contains(start):
+            first = start
+        if (last < end).any() and self._contains(end):
+            last = end
+        return first, last
+
+    def _contains(self, point: Array) -> bool:
+        x, y = point.tolist()
+        position = (x * cos(1.0), x * sin(1.0), y) if self.turns else (x, y, self.reach)  # a prism is longer than the part
+        far = (1.3 * self.reach, 1.7 * self.reach, 1.1 * self.reach)
+        return len(self.body.solid.whole.ray_cast(self.pose.apply(position), self.pose.apply(far))) % 2 == 1
+
+    def cut(self, cell: Bounds) -> BoundedSolid | None:
+        """Return the part of the solid in a cell, or None if it is empty."""
+        (a, b), (c, d) = cell
         if self.turns:
-            cell = Manifold.cylinder(d - c, b / cos(pi / FACETS), -1.0, FACETS).translate((0.0, 0.0, c))
+            shape = Manifold.cylinder(d - c, b / cos(pi / FACETS), -1.0, FACETS).translate((0.0, 0.0, c))
             if a > 0.0:
-                cell -= Manifold.cylinder(self.length, a, -1.0, FACETS, True)
+                shape -= Manifold.cylinder(2.0 * self.reach, a, -1.0, FACETS, True)
         else:
-            cell = Manifold.cube((b - a, d - c, self.length)).translate((a, c, -self.length / 2.0))
-        solids: list[Manifold] = []
-        for body, pose in zip(pair.bodies, self.poses, strict=True):
-            solids.append(body.solid.whole ^ Solid(cell, ()).at(pose).whole)
-            if solids[-1].is_empty():
-                return
-        low, high, _ = self._shared_bounds(solids)
-        overlap = float((high - low).min())
-        if overlap < -TOUCH:
-            return
-        one, other = (BoundedSolid(Solid(solid, ((solid, 0.0),)), body.error) for solid, body in zip(solids, pair.bodies, strict=True))
-        thin = overlap <= max(SKIN, min(pair.deep, pair.error + SKIN))
-        yield bounds, SolidPair(pair.one, pair.other, pair.error, True, 0.0, pair.deep, 1 if thin else patience, bodies=(one, other)), thin
+            shape = Manifold.cube((b - a, d - c, 2.0 * self.reach)).translate((a, c, -self.reach))
+        solid = self.body.solid.whole ^ Solid(shape, ()).at(self.pose).whole
+        return None if solid.is_empty() else BoundedSolid(Solid(solid, ((solid, 0.0),)), self.body.error)
