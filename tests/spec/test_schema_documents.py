@@ -11,10 +11,13 @@ import json
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
+from functools import cache
 from pathlib import Path
 
 import check_jsonschema
 import pytest
+from check_jsonschema.regex_variants import _RegressImplementation
+from check_jsonschema.schema_loader import SchemaLoader
 from code_pages import read_page, unpack
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -126,11 +129,21 @@ def valid_documents(folder: Path) -> list[Path]:
     return [path for path in (*robots, *shown, *cases, ROOT / "thingc.toml") if kind_of(path) is not None]
 
 
+@pytest.fixture
+def trusted_schemas(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`check-jsonschema` does not check the schemas again, which `test_schemas_match_the_metaschema` does, and compiles each pattern
+    once."""
+    monkeypatch.setattr(SchemaLoader, "validate_schema", False)
+    monkeypatch.setattr(_RegressImplementation, "_compile_pattern", cache(_RegressImplementation._compile_pattern))
+
+
+@pytest.mark.usefixtures("trusted_schemas")
 def test_valid_documents_are_accepted(tmp_path: Path) -> None:
     paths = valid_documents(tmp_path)
     assert dict(faults(paths)) == {}
 
 
+@pytest.mark.usefixtures("trusted_schemas")
 def test_invalid_documents_are_rejected_at_each_fault(shared_store: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A fault counts as rejected if the schema reports its key, a key that contains it, or a value in it."""
     monkeypatch.setenv("THINGC_STORE", shared_store)
