@@ -252,7 +252,7 @@ def test_plot(stands: Path, seen: Using) -> None:
           (e) => [e.dataset.id, Number(e.getAttribute("cx")), Number(e.getAttribute("cy")), e.style.stroke || e.style.fill,
             e.style.fill === "rgb(255, 255, 255)"]);
         const legend = all("#legend span").map((e) => e.textContent);
-        $("#chart circle[data-id=CLICKED]").dispatchEvent(new MouseEvent("click", { bubbles: true }));
+        $('#chart circle[data-id="CLICKED"]').dispatchEvent(new MouseEvent("click", { bubbles: true }));
         return { points, legend, one: $("#one h2").textContent, chosen: all(".card.chosen").length, ticks: all("#chart text").length };
     """.replace("CLICKED", clicked))
     assert found["faults"] == []
