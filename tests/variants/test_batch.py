@@ -8,6 +8,7 @@ import json
 import math
 import os
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -507,6 +508,13 @@ def test_dry_run_writes_nothing(tmp_path: Path, shared_store: str) -> None:
     assert (told["modelled"], told["reused"]) == (0, 3)
     told = thingc_here("batch", "rules.yaml", "--dry-run", "--format", "json", cwd=here, store=store).answer
     assert told["failing"] == {"bob > 10 g": 4}
+
+
+def test_allowed_warnings_of_the_document_are_suppressed(tmp_path: Path, shared_store: str) -> None:
+    shutil.copytree(Path(__file__).resolve().parents[2] / "gallery" / "wrist", tmp_path / "wrist")
+    (tmp_path / "wrist" / "loads.yaml").write_text("thingc: variants/1\nname: loads\nassembly: wrist.yaml\nlist: [{name: light}]\n")
+    told = thingc_here("batch", "loads.yaml", "--dry-run", "--format", "json", cwd=tmp_path / "wrist", store=shared_store).answer
+    assert told["diagnostics"] == []
 
 
 @pytest.mark.parametrize("name", ["results.csv", "results.parquet", "index.html"])

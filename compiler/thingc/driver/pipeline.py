@@ -294,7 +294,9 @@ def model(environment: Environment, sources: Sources, settings: Settings, report
     """
     from thingc.model.resolve.resolver import resolve
 
-    return resolve(choose(environment, sources, settings.choices, report, environment.memo), settings, report, environment.memo)
+    chosen = choose(environment, sources, settings.choices, report, environment.memo)
+    report.allowances = chosen.specs.allowances
+    return resolve(chosen, settings, report, environment.memo)
 
 
 def _run_passes(

@@ -35,9 +35,8 @@ from thingc.batch.results import FamilyError, load
 from thingc.batch.run_options import chosen_targets
 from thingc.batch.variants_document import plan
 from thingc.driver.environment import Options
-from thingc.targets.registry import TARGETS
-from thingc.targets.render.picture import allow_rendering
 from thingc.tools.cli import console
+from thingc.tools.cli.build import prepare_rendering
 from thingc.tools.cli.set import write
 from thingc.tools.cli.signals import INTERRUPTED
 
@@ -94,8 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
             raise console.WrongCommandLine(f"{chosen[0]} cannot be combined with {chosen[1]}", "use only one of the two options")
         timeout = None if arguments.timeout is None else console.time_of("--timeout", arguments.timeout)
         targets = chosen_targets(arguments.emit)
-        if not TARGETS.keys() >= {*targets}:  # targets of other packages may contain pictures
-            allow_rendering()
+        prepare_rendering(targets)
         if arguments.adopt is not None:
             return _adopt(arguments, options)
         if arguments.unpack is not None:
