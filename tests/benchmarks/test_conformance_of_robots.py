@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from conformance.harness import built
+from conformance.harness import with_all_formats
 from emit import usd_answers
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -37,7 +37,7 @@ def asked(on_path: None, shared_store: str) -> dict[str, list[Any]]:
 
     questions: dict[str, list[Any]] = {format: [] for format in SUFFIXES}
     for path in ROBOTS:
-        folder = built(path, shared_store, "mjcf", "urdf", "usd")
+        folder = with_all_formats(path, shared_store)
         for mjcf in sorted((folder / "mjcf").glob(f"{folder.name}_*.xml")):
             for format, suffix in SUFFIXES.items():
                 file = next((folder / suffix.removesuffix("a")).glob(f"{mjcf.stem}.{suffix}"))

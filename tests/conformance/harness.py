@@ -92,6 +92,11 @@ def built(document: str, store: str, *targets: str) -> Path:
     return once(folder, lambda: build_here(document, *emit, "-o", folder, store=store, cwd=ROOT)) / name
 
 
+def with_all_formats(document: str, store: str) -> Path:
+    """Return the folder of one build of a large robot for the tests of the viewer and of readers of other formats."""
+    return built(document, store, "html", "mjcf", "urdf", "usd")
+
+
 def _silent(ran: Ran) -> dict[str, Any]:
     assert ran.code == 0, ran.out + ran.err
     assert [found for found in ran.answer["diagnostics"] if found["code"] not in MEANT] == []

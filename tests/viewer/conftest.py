@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from conformance.harness import built
+from conformance.harness import with_all_formats
 from viewer.browser import chromium
 
 
@@ -23,7 +23,7 @@ class Pages:
 
 @pytest.fixture(scope="session")
 def pages(shared_store: str) -> Pages:
-    return Pages(*(built(f"assemblies/{name}.yaml", shared_store, "html", "mjcf") for name in ("arm", "minchw/minchw")))
+    return Pages(*(with_all_formats(f"assemblies/{name}.yaml", shared_store) for name in ("arm", "minchw/minchw")))
 
 
 @pytest.fixture(scope="module")
