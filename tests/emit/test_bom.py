@@ -276,6 +276,43 @@ def test_bought_assembly_is_one_row(tmp_path: Path) -> None:
     assert next((row["quantity"], row["total"]) for row in alike if row["number"] == "RG2") == ("2", "5000 EUR")
 
 
+@pytest.mark.parametrize(("right", "inner", "expected"), [
+    ("", "bom: {as: one, number: RG2}", "arm.yaml:5: move"),
+    ("", "bom: {as: one}", "arm.yaml:5: move"),
+    ("", "as: lump, bom: {as: one, number: RG2}", "arm.yaml:5: move"),
+    ("", "as: lump, bom: {as: one, make: buy}", "arm.yaml:5: move"),
+    ("", "bom: {as: one, number: RG2}, allow: {TC580: the gripper is symmetric}", ""),
+    ("", "bom: {as: one, number: RG2, make: print}", ""),
+    ("", "mirror: x, bom: {as: one, number: RG2}", ""),
+    ("", "as: lump", ""),
+    ("", "at: {in: wrist.origin}", ""),
+    ("assembly: gripper.yaml, bom: {as: one}, ", "bom: {as: one, number: RG2}", "robot.yaml:6: remove"),
+    ("assembly: gripper.yaml, bom: {as: one, number: RG2-L}, ", "bom: {as: one, number: RG2}", ""),
+])
+def test_mirror_image_of_bought_assembly_is_a_warning(right: str, inner: str, expected: str, tmp_path: Path) -> None:
+    """The arm on the right side is a mirror image, and so is its gripper, or the gripper itself is on the right side. The gripper keeps the
+    order number, because it may be symmetric."""
+    placed = inner if inner.startswith("at:") else f"{inner}, at: {{in: wrist.origin}}"
+    arm = (
+        "thingc: assembly/1\nname: arm\ncomponents:\n  wrist: {frame: true, mass: 1 kg}\n"
+        f"  gripper: {{assembly: gripper.yaml, {placed}}}\n"
+    )
+    robot = ROBOT.partition("  left:")[0].replace("catalog: shop/catalog.csv\n", "") + (
+        "  left: {assembly: arm.yaml, at: {in: base.origin}}\n"
+        f"  right: {{{right or 'assembly: arm.yaml, '}mirror: x, at: {{in: base.origin}}}}\n"
+    )
+    gripper = GRIPPER.replace("palm: {frame: true,", "palm: {link: true, shapes: [{box: 10 20 30 mm}],")
+    for name, text in (("thingc.toml", 'thingc = "workspace/1"\n'), ("robot.yaml", robot), ("gripper.yaml", gripper), ("arm.yaml", arm)):
+        (tmp_path / name).write_text(text)
+    built = thingc.compile(str(tmp_path / "robot.yaml"))
+    found = [(one, one.span) for one in built.diagnostics if one.code.code == "TC580"]
+    texts = [f"{Path(span.file).name}:{span.line}: {str(one.help).partition(' ')[0]}" for one, span in found if span is not None]
+    assert texts == [expected] * bool(expected)
+    if "number: RG2" in inner and not right:
+        rows = csv.DictReader(io.StringIO(csv_text(items(built.assembly))))
+        assert [row["number"] for row in rows if "gripper" in row["name"]] == ["RG2"] * 2
+
+
 MOTORS = """\
 from build123d import Box
 from thingc import Thing

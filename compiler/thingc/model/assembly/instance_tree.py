@@ -15,8 +15,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Mirror
 from thingc.base.source import Origin
 from thingc.base.suggestions import Hint, closest_name, did_you_mean
-from thingc.model.assembly.hag import Definition
-from thingc.model.assembly.part_instances import PartInstances, bom_of
+from thingc.model.assembly.part_instances import PartInstances
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import MountAt, PartInstance, Unit
 from thingc.model.resolve.types import COUNTED, AssemblyDefinition, Component, ExtraMount, Reference
@@ -130,7 +129,7 @@ class Tree:
                     nested = inner.definition if isinstance(inner.definition, AssemblyDefinition) else None
                     path, unit = instance.within(inner.name), instance.unit
                     if nested is not None and inner.bom.one and unit is None:
-                        unit = Unit(path=path, definition=Definition.of(nested), bom=bom_of(inner, None, scope))
+                        unit = instances.unit_of(inner, nested, scope, path, inner.origin + instance.origin)
                     instance.children[inner.name] = Instance(
                         path=path, component=inner, origin=inner.origin + instance.origin, assembly=nested, unit=unit,
                         detail=instance.detail | inner.detail, mode=None if component is None else component.mode,

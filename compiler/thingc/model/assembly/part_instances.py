@@ -17,7 +17,7 @@ from thingc.model.assembly.hag import FRAME, Definition
 from thingc.model.assembly.mass import NOTHING, MassResult, component_mass, material_of, slicing_of
 from thingc.model.assembly.report import LinkReport, written_at
 from thingc.model.assembly.shape_links import Meshes, MissingDensity, list_shapes, warn_far, weigh_shapes
-from thingc.model.assembly.types import PartInstance
+from thingc.model.assembly.types import PartInstance, Unit
 from thingc.model.resolve.bom import entry_of
 from thingc.model.resolve.link_definition import LinkDefinition, mesh_files_of
 from thingc.model.resolve.parts import FAILURES
@@ -100,6 +100,18 @@ class PartInstances:
         if key not in self._known:
             self._known[key] = self._get_or_create(_Use(component, scope, path, origin, self._findings))
         return self._known[key]
+
+    def unit_of(self, component: Component, nested: AssemblyDefinition, scope: AssemblyDefinition, path: str, origin: Origin) -> Unit:
+        """Return the unit of a nested assembly that is one part in the bill of materials. The arguments are as in `of`.
+
+        Warn of the mirror image of a bought assembly. It keeps the order number, because symmetric assemblies are not recognized. A lump
+        with neither `number` nor `make` may stand for an assembly that is not bought.
+        """
+        bom = bom_of(component, None, scope)
+        bought = bom.make == "buy" or bom.make is None and (not nested.lump or bom.number is not None)
+        if nested.plain is not None and bought and (bom.number is None or component.image_of is not None):
+            self._warn_purchase(_Use(component, scope, path, origin, self._findings), nested.text, f"assembly `{nested.plain.label}`")
+        return Unit(path=path, definition=Definition.of(nested), bom=bom)
 
     def _get_or_create(self, use: _Use) -> PartInstance | None:
         """Return the cached instance, or create it.
@@ -242,18 +254,18 @@ class PartInstances:
         bom, process = bom_of(component, record, use.scope), component.overrides.process_with(use.material)
         bought = bom.make == "buy" or bom.make is None and (process.kind or "").lower() == "bought"
         if record.own_image and component.image_of is None:
-            code = Code.OWN_IMAGE
             message = f"`mirror` has no effect on the symmetric part `{component.name}` (`{original.label}`)"
-            help = "remove `mirror`"
+            self._warn_once((record.text, Code.OWN_IMAGE.code), use, Code.OWN_IMAGE, message, help="remove `mirror`")
         elif bought and bom.number is None:
-            code = Code.MIRRORED_BOUGHT
-            message = f"`{component.name}` is the mirror image of the purchased part `{original.label}`"
-            help = "remove `mirror`, or add the order number of the mirror image: `bom: {number: ...}`"
-            if component.image_of is not None:
-                help = "move the component from the mirrored assembly to the enclosing assembly"
-        else:
-            return
-        self._warn_once((record.text, code.code), use, code, message, help=help)
+            self._warn_purchase(use, record.text, f"part `{original.label}`")
+
+    def _warn_purchase(self, use: _Use, text: str, original: str) -> None:
+        """Warn of the mirror image `text` of a bought part or assembly."""
+        help = "remove `mirror`, or add the order number of the mirror image: `bom: {number: ...}`"
+        if use.component.image_of is not None:
+            help = "move the component from the mirrored assembly to the enclosing assembly"
+        message = f"`{use.component.name}` is the mirror image of the purchased {original}"
+        self._warn_once((text, Code.MIRRORED_BOUGHT.code), use, Code.MIRRORED_BOUGHT, message, help=help)
 
     def _weigh(self, use: _Use) -> MassResult | None:
         component, record, material, findings = use.component, use.record, use.material, self._findings
