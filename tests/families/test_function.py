@@ -209,6 +209,8 @@ def test_derivatives_by_the_size_of_a_printed_part(tmp_path: Path, shared_store:
         assert max(together) >= 4, "the parts are built at the same time"
         together.clear()
         assert all(one.sound for one in family.evaluate([{"side": 0.03 + 0.001 * k} for k in range(6)])) and max(together) >= 3
+        together.clear()
+        assert all(one.sound for one in family.evaluate([{"side": 0.05}, {"side": 0.051}])) and together[0] == 2, "the first part as well"
         spacing = 0.45 - 0.2 * (1.0 - np.pi / 4.0)
         rounding, bridge = (0.45 - spacing) / 2.0, np.pi / 4.0 * 0.4**2 / (0.45 * 0.2)
         wall = rounding + 3.0 * spacing

@@ -80,9 +80,13 @@ class Evaluation(Planner[TracedResults, Measured]):
             for place, (settings, parsed) in enumerate(chunk):
                 planned = ready.pop(place, None)
                 if planned is None and not tests:
+                    if place % AHEAD == 0:
+                        self._build_parts(chunk, place, used)
                     planned = self.find_plan(parsed)
-                    if planned is not None and (id(planned[0]) not in used or (place % AHEAD == 0 and planned[0].exchange is not None)):
+                    if planned is not None and id(planned[0]) not in used:
                         used.add(id(planned[0]))
+                        if planned[0].exchange is not None:
+                            self._build_parts(chunk, place, used)
                         together = self._together(planned[0], chunk, place, ready)
                         ready.update(together)
                         verdicts.update(self._verdicts(planned[0], chunk, together))
@@ -109,18 +113,23 @@ class Evaluation(Planner[TracedResults, Measured]):
         """Compute the results and the diagnostics with a plan."""
         return plan.template.of(outputs), plan.template.problems
 
+    def _build_parts(self, chunk: Sequence[Item], place: int, used: set[int]) -> None:
+        """Build the parts of the settings `chunk[place]`, and of similar settings in the same group of `AHEAD` settings, at the same time.
+
+        The parts are built only if there is a plan with exchanged parts for these settings. The identity of this plan is added to `used`.
+        """
+        plan = next((plan for plan in self.cache_for(chunk[place][1]).plans if plan.exchange is not None), None)
+        if plan is not None:
+            used.add(id(plan))
+            end = place - place % AHEAD + AHEAD
+            plan.prepare([chunk[other][1].values for other in _similar(chunk[:end], place)])
+
     def _together(self, plan: NumericPlan[TracedResults], chunk: Sequence[Item], place: int, ready: Collection[int]) -> dict[int, Planned]:
         """Run the plan of the settings `chunk[place]` for all later settings of the chunk that differ from them only in numbers.
 
         Return the plan and its outputs for each of these settings, keyed by index in the chunk. Settings in `ready` are skipped.
         """
-        key = (chunk[place][1].names, chunk[place][1].texts)
-        others = [
-            other for other in range(place + 1, len(chunk))
-            if other not in ready and (chunk[other][1].names, chunk[other][1].texts) == key and chunk[other][1].report is None
-        ]
-        if plan.exchange is not None:
-            plan.prepare([chunk[other][1].values for other in others[: AHEAD - place % AHEAD]])
+        others = [other for other in _similar(chunk, place) if other != place and other not in ready]
         if plan.exchange is not None or len(others) < FEW:
             return {}
         outputs, ok = plan.columns(np.array([chunk[other][1].values for other in others]))
@@ -271,3 +280,12 @@ class Evaluation(Planner[TracedResults, Measured]):
                 return rule.text, ()
             undecided.append(error)
         return None, tuple(undecided)
+
+
+def _similar(chunk: Sequence[Item], place: int) -> list[int]:
+    """Return the indices of the valid settings from `chunk[place]` on that differ from these settings only in numbers."""
+    names, texts = chunk[place][1].names, chunk[place][1].texts
+    return [
+        other for other in range(place, len(chunk))
+        if chunk[other][1].names == names and chunk[other][1].texts == texts and chunk[other][1].report is None
+    ]
