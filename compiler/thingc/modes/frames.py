@@ -6,6 +6,8 @@
 
 from __future__ import annotations
 
+from functools import reduce
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -15,8 +17,12 @@ Array = NDArray[np.float64]
 
 BOTTOM = np.array([[0.0, 0.0, 0.0, 1.0]])
 """The last row of the homogeneous matrix of any pose."""
+SMALL = 12
+"""Largest number of equations that `solve_positive` solves by elimination in JAX."""
 CROSS = np.zeros((3, 9))
 """The cross product matrices of the unit vectors along x, y and z, each flattened to one row."""
+SMALL = 12
+"""Largest number of equations that `solve_positive` solves by elimination in JAX."""
 CROSS[[0, 1, 2], [7, 2, 3]], CROSS[[0, 1, 2], [5, 6, 1]] = 1.0, -1.0
 
 
@@ -125,10 +131,51 @@ def cross_matrix(v: Array) -> Array:
     return matrix
 
 
+def cross_columns(v: Array, columns: Array) -> Array:
+    """Return the cross products (..., 3, k) of a vector v (..., 3) and the columns of a matrix (..., 3, k).
+
+    In JAX, the products are not computed with `cross_matrix`, because XLA combines these operations with others, but not products of many
+    matrices.
+    """
+    if isinstance(columns, np.ndarray):
+        return cross_matrix(v) @ columns
+    x, y, z = (v[..., k, None] for k in range(3))
+    a, b, c = (columns[..., k, :] for k in range(3))
+    products: Array = columns.__array_namespace__().stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=-2)
+    return products
+
+
 def cross(v: Array, w: Array) -> Array:
     """Return the cross product v x w of two vectors (..., 3)."""
-    product: Array = (cross_matrix(v) @ w[..., None])[..., 0]
-    return product
+    vector: Array = cross_columns(v, w[..., None])[..., 0]
+    return vector
+
+
+def product(A: Array, B: Array, xp: Any) -> Array:
+    """Return the product of two small matrices.
+
+    In JAX, the product is a sum of outer products, because XLA combines these operations with others, but not products of many matrices.
+    """
+    result: Array = A @ B if xp is np else reduce(add, (A[:, k, None] * B[k] for k in range(len(B))))
+    return result
+
+
+def solve_positive(A: Array, b: Array, xp: Any) -> Array:
+    """Solve A x = b for a symmetric positive definite matrix A (n, n) and a vector b (n,).
+
+    In JAX, small systems are solved by elimination, because `jax.numpy.linalg.solve` calls LAPACK separately for each matrix.
+    """
+    if xp is np or len(b) > SMALL:
+        return xp.linalg.solve(A, b)  # type: ignore[no-any-return]
+    x: Array = xp.zeros(0)
+    rows, remaining = [], xp.concatenate([A, b[:, None]], axis=1)
+    for _ in range(len(b)):
+        row = remaining[0] / remaining[0, 0]
+        rows.append(row)
+        remaining = remaining[1:, 1:] - remaining[1:, :1] * row[1:]
+    for row in reversed(rows):
+        x = xp.concatenate([row[-1:] - row[1:-1] @ x, x])
+    return x
 
 
 def difference(X: Array, other: Array, xp: Any = np) -> tuple[Any, Any]:

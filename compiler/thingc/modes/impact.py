@@ -9,8 +9,8 @@ import numpy as np
 
 from thingc.base.one_line_repr import OneLineStruct
 from thingc.modes.cut_joints import constraint_projector, coordinates, usual
-from thingc.modes.frames import Array, cross, cross_matrix, inverse
-from thingc.modes.kinematics import kinematics
+from thingc.modes.frames import Array, cross, cross_columns, inverse, solve_positive
+from thingc.modes.kinematics import kinematics, sum_over_links
 from thingc.modes.state import RobotState, State
 from thingc.modes.tree import Cut, Hold, Inertias, Mode
 
@@ -57,7 +57,6 @@ def stop(mode: Mode, state: State[Any], inertias: Inertias, xp: Any, **newton: i
     q = state.q[kin.rows]
     frames = kin.frames(state.base, q, xp)
     poses, jacobians = kin.poses(frames), kin.jacobians(frames, xp)
-    M = kin.mass_matrix(frames, jacobians, inertias, xp)
     u = xp.concatenate([state.twist, state.v[kin.rows]])
     coupling = kin.coupling(q, xp)
     moves = np.eye(6)[:, : 6 if mode.base == "free" else 0] if mode.part is None else mode.part.motions(state.base, xp)
@@ -65,8 +64,13 @@ def stop(mode: Mode, state: State[Any], inertias: Inertias, xp: Any, **newton: i
         xp.concatenate([moves, np.zeros((6, coupling.shape[1]))], axis=1),
         xp.concatenate([np.zeros((len(coupling), moves.shape[1])), coupling], axis=1),
     ])
-    reduced = N.T @ M @ N
-    w = xp.linalg.solve(reduced, N.T @ (M @ u))
+    # The mass matrix of the robot is not needed: the products with N need only the columns of allowed motions.
+    motions = jacobians @ N if kin.is_coupled or moves.shape[1] else jacobians[:, :, 6:]
+    added = kin.added_inertia(inertias, xp)
+    before = kin.momenta(frames, (jacobians @ u)[:, :, None], inertias, xp)
+    momenta = kin.momenta(frames, motions, inertias, xp)
+    reduced = sum_over_links(motions, momenta) + N.T @ added @ N
+    w = solve_positive(reduced, sum_over_links(motions, before)[:, 0] + N.T @ (added @ u), xp)
     constraints = [_hold_jacobian(hold, poses[hold.link], jacobians[hold.link]) for hold in mode.holds]
     constraints += [_ends_meet(mode, poses, cut, jacobians, xp, newton) for cut in mode.cuts]
     if constraints:
@@ -75,7 +79,8 @@ def stop(mode: Mode, state: State[Any], inertias: Inertias, xp: Any, **newton: i
         A = xp.linalg.solve(L, (xp.concatenate(constraints) @ N).T).T
         w = w - xp.linalg.solve(L.T, xp.linalg.lstsq(A, A @ (L.T @ w), rcond=RANK)[0])
     after = N @ w
-    impulse, holds = _impulses(mode, M @ (after - u), moves, _mimics(mode, q, xp), constraints, xp)
+    change = sum_over_links(jacobians, (momenta @ w)[:, :, None] - before)[:, 0] + added @ (after - u)
+    impulse, holds = _impulses(mode, change, moves, _mimics(mode, q, xp), constraints, xp)
     v = xp.concatenate([after[6:], state.v])[kin.gathered]
     return State(state.base, after[:6], state.q, v), impulse, [
         _at_hold(hold, poses[hold.link], hold_impulse, xp) for hold, hold_impulse in zip(mode.holds, holds, strict=True)
@@ -112,7 +117,7 @@ def _hold_jacobian(hold: Hold, X: Array, J: Array) -> Array:
     `J` is the Jacobian (6, n) of the link. If the hold allows rotation, return the Jacobian (3, n) of the mount's origin, otherwise return
     `J`.
     """
-    return J[:3] - cross_matrix(X[:3, :3] @ hold.X_LM[:3, 3]) @ J[3:] if hold.turns else J
+    return J[:3] - cross_columns(X[:3, :3] @ hold.X_LM[:3, 3], J[3:]) if hold.turns else J
 
 
 def at_point(hold: Hold, X: Array, twist: Array) -> Array:
@@ -146,7 +151,7 @@ def _ends_meet(mode: Mode, poses: Array, cut: Cut, jacobians: Array, xp: Any, ne
     ends = []
     for link in (cut.parent, cut.child):
         J = jacobians[link]
-        ends.append(xp.concatenate([J[:3] - cross_matrix(X_WB[:3, 3] - poses[link, :3, 3]) @ J[3:], J[3:]]))
+        ends.append(xp.concatenate([J[:3] - cross_columns(X_WB[:3, 3] - poses[link, :3, 3], J[3:]), J[3:]]))
     q = coordinates(cut, inverse(X_WA, xp) @ X_WB, usual(mode, cut), xp, **newton) if cut.coordinates else np.zeros(0)
     relative: Array = constraint_projector(cut, q, X_WB, xp) @ (ends[1] - ends[0])
     return relative

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thingc.modes.frames import Array, cross, cross_matrix, generators, inverse, moved_twist, rotation
+from thingc.modes.frames import Array, cross, cross_columns, generators, inverse, moved_twist, product, rotation
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,6 +29,7 @@ class Kinematics:
             of all coordinates.
         of_link: The index of the frame that moves each link (n,).
         number: The index of each link by name.
+        is_coupled: Whether the tree contains mimic joints.
     """
 
     def __init__(self, mode: Mode) -> None:
@@ -93,6 +94,7 @@ class Kinematics:
             columns.append(column[joint.name])
         free = [k for k, chain in enumerate(chains) if not chain]
         self._chains = chains
+        self.is_coupled = any(chains)
         self._pattern = np.array([[float(k == f) for f in free] for k in columns]).reshape(len(columns), len(free))
 
     def link_motion(self, state: State[Any], xp: Any) -> tuple[Array, Array]:
@@ -115,7 +117,7 @@ class Kinematics:
             motions = xp.where(is_ball, X_PJ @ motion @ joint.X_JL, motions)
         poses = [base]
         for k, previous in enumerate(self._previous):
-            poses.append(poses[previous] @ motions[k])
+            poses.append(product(poses[previous], motions[k], xp))
         frames: Array = xp.asarray(poses)
         return frames
 
@@ -159,21 +161,30 @@ class Kinematics:
         ]
         at_root, angular = (part * self._mask[:, None] for part in moved)
         offset = self.poses(frames)[:, :3, 3] - frames[0, :3, 3]
-        jacobians: Array = xp.concatenate([at_root - cross_matrix(offset) @ angular, angular], axis=1)
+        jacobians: Array = xp.concatenate([at_root - cross_columns(offset, angular), angular], axis=1)
         return jacobians
 
-    def mass_matrix(self, frames: Array, jacobians: Array, inertias: Inertias, xp: Any) -> Array:
-        """Return the mass matrix (6 + m, 6 + m) of the robot, as if its base were free.
+    def momenta(self, frames: Array, motions: Array, inertias: Inertias, xp: Any) -> Array:
+        """Return the momenta (n, 6, k) of all links for k motions of the robot.
 
-        The matrix is `M = sum J^T diag(m 1, R I R^T) J + diag(0, armature)` over the links, where J is the Jacobian of the centre of mass
-        of a link. The inertias of tendons over joints are added.
+        `motions` (n, 6, k) contains the velocities of the links in the form that `jacobians` returns. A momentum is the linear momentum of
+        a link, followed by its angular momentum about the origin of the link, both in world axes.
         """
-        R, angular = self.poses(frames)[:, :3, :3], jacobians[:, 3:]
-        linear = jacobians[:, :3] - cross_matrix((R @ inertias.centre[:, :, None])[:, :, 0]) @ angular
-        forces = [inertias.mass[:, None, None] * linear, R @ inertias.inertia @ R.swapaxes(1, 2) @ angular]
-        size = jacobians.shape[2]
-        moved, weighted = (xp.concatenate(pair, axis=1).reshape(-1, size) for pair in ([linear, angular], forces))
-        matrix: Array = moved.T @ weighted + xp.diag(xp.concatenate([np.zeros(6), inertias.armature])) + self._coupled
+        R, angular = self.poses(frames)[:, :3, :3], motions[:, 3:]
+        centre = (R @ inertias.centre[:, :, None])[:, :, 0]
+        linear = inertias.mass[:, None, None] * (motions[:, :3] - cross_columns(centre, angular))
+        spin = R @ inertias.inertia @ R.swapaxes(1, 2) @ angular + cross_columns(centre, linear)
+        momenta: Array = xp.concatenate([linear, spin], axis=1)
+        return momenta
+
+    def added_inertia(self, inertias: Inertias, xp: Any) -> Array:
+        """Return the part (6 + m, 6 + m) of the mass matrix that armatures of joints, and inertias of tendons over joints, cause."""
+        matrix: Array = xp.diag(xp.concatenate([np.zeros(6), inertias.armature])) + self._coupled
+        return matrix
+
+    def mass_matrix(self, frames: Array, jacobians: Array, inertias: Inertias, xp: Any) -> Array:
+        """Return the mass matrix (6 + m, 6 + m) of the robot, as if its base were free. `jacobians` contains the Jacobians of all links."""
+        matrix: Array = sum_over_links(jacobians, self.momenta(frames, jacobians, inertias, xp)) + self.added_inertia(inertias, xp)
         return matrix
 
     def coupling(self, q: Array, xp: Any) -> Array:
@@ -181,7 +192,7 @@ class Kinematics:
 
         A coordinate is independent if its joint does not mimic another joint of this tree.
         """
-        if not any(self._chains):
+        if not self.is_coupled:
             return self._pattern
         rates = []
         for chain in self._chains:
@@ -191,6 +202,12 @@ class Kinematics:
             rates.append(rate)
         matrix: Array = xp.asarray(rates)[:, None] * self._pattern
         return matrix
+
+
+def sum_over_links(motions: Array, momenta: Array) -> Array:
+    """Return the products (k, r) of k motions (n, 6, k) and r momenta (n, 6, r) of n links, summed over the links."""
+    products: Array = motions.reshape(-1, motions.shape[2]).T @ momenta.reshape(-1, momenta.shape[2])
+    return products
 
 
 @lru_cache(maxsize=256)
