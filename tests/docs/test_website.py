@@ -7,7 +7,7 @@ import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import pytest
 
@@ -86,7 +86,8 @@ def test_tutorial_viewers_show_the_document_of_their_step(
     """A later change must not be in the document of an earlier step."""
     monkeypatch.setenv("THINGC_STORE", shared_store)
     # each command in its own process would take half a second
-    monkeypatch.setattr(website.subprocess, "run", lambda words, cwd, **_: thingc_here(*words[3:], cwd=cwd))
+    in_process = SimpleNamespace(run=lambda words, cwd, **_: thingc_here(*words[3:], cwd=cwd))
+    monkeypatch.setattr(website, "subprocess", in_process)
     text = (ROOT / "docs/start.md").read_text()
     found = {name: (document.name, document.read_text()) for name, document in website.made(text, tmp_path)}
     assert {name: (file, "value: 80 mm" in text, "hat:Hat" in text and "kp: 0.5" in text) for name, (file, text) in found.items()} == {
