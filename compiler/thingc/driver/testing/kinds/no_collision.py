@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import chain, product
 
-from thingc.base.diagnostics import Code, Note, Report, allow_hint, first_notes, shown_path
+from thingc.base.diagnostics import Code, Note, Report, first_notes, shown_path
 from thingc.base.one_line_repr import format_count
 from thingc.base.units import LENGTH, Quantity
 from thingc.documents.checks.no_collision import KIND, CollisionCheck
@@ -157,7 +157,7 @@ def _failure(
         if begins is not None:
             location, help, notes = f" at {begins[0]}", begins[2], [Note(message=begins[1]), *notes]
     elif (worst_pair.one, worst_pair.other) in collisions.close:
-        help = f"{allow_hint(Code.OVERLAP)} in one of the two components"
+        help = f'if this is intended, add `allow: {{{Code.OVERLAP.code}: "the reason"}}` to one of the two components'
     return Failure(
         code=Code.TEST_COLLISION, key="clearance" if worst_pair.gap > 0.0 else "", notes=tuple(notes),
         message=f"{_describe_pair(assembly, worst_pair, check.clearance)}{location}", help=f"{help}; {_picture(case, check, worst_pair)}",
