@@ -99,7 +99,7 @@ def test_nondeterministic_parts_are_reported(build: Callable[..., tuple[int, str
     assert fails == "the second build of `odd:Fails` failed: ValueError: not this time"
     assert (code, (tmp_path / "build").exists()) == (1, False)
     assert re.search(r"--> robot\.yaml:7:3\n.*\n.*\n  note: `odd:Hashed` is defined here\n    --> odd\.py:16:1\n", said)
-    assert "also different: surface, inertia, bounding box, meshes" in said
+    assert "also different: surface area, inertia, bounding box, meshes" in said
     assert re.search(r"location in the part file\n    --> odd\.py:34:1\n", said)
 
 
@@ -127,8 +127,8 @@ OTHERS: dict[str, tuple[Any, str]] = {
     "material": ("steel", "the material (nothing and `steel`)"),
     "color": ("#ff0000", "the colour (nothing and `#ff0000`)"),
     "volume": (1.5e-6 * (1.0 + 1e-9), "the volume (1.5 cm^3 and 1.5000000015 cm^3)"),
-    "area": (2e-4, "the surface (1 cm^2 and 2 cm^2)"),
-    "centre": ((0.0, 0.0, 0.002), "the centre ([0, 0, 0] mm and [0, 0, 2] mm)"),
+    "area": (2e-4, "the surface area (1 cm^2 and 2 cm^2)"),
+    "centre": ((0.0, 0.0, 0.002), "the centre of volume ([0, 0, 0] mm and [0, 0, 2] mm)"),
     "inertia": (TURNED, "the inertia"),
     "box": (((0.0, 0.0, 0.0), (0.01, 0.01, 0.03)),
             "the bounding box (nothing and [0, 0, 0] mm to [10, 10, 30] mm)"),

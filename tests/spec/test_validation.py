@@ -164,7 +164,7 @@ def test_assembly_faults_are_reported_once(
     ("{}", Code.BROKEN_RULE, "a component requires one of `part`, `file`, `assembly`, `link: true` or `frame: true`",
      "write, for example, `part: arm:BasePlate`", "c"),
     ("{part: a:B, frame: true}", Code.BROKEN_RULE,
-     "a component must have exactly one of `part`, `file`, `assembly`, `link`, `frame`, found `part` and `frame`",
+     "a component must have exactly one of `part`, `file`, `assembly`, `link`, `frame`, found `part`, `frame`",
      "keep only one of these keys", "frame"),
     ("words", Code.WRONG_TYPE, "expected a mapping with `part`, `file`, `assembly`, found the string `words`", None, "words"),
     ("{prt: a:B}", Code.UNKNOWN_KEY, "unknown key `prt` in `components.c`", "did you mean `part`?", "prt"),

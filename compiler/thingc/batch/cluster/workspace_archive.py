@@ -157,7 +157,7 @@ class _Search:
         largest = ", ".join(f"`{name}` ({size / 1e6:.1f} MB)" for name, size in self.sizes.most_common(3))
         return BatchFault(
             Code.TOO_LARGE, f"the workspace `{self.root}` exceeds the limit of --ship ({limit})",
-            f"move unrelated files out of the workspace (largest: {largest}), or move the robot to its own workspace",
+            f"move unrelated files out of the workspace (largest: {largest}), or move the robot to a folder with its own `thingc.toml`",
         )
 
 
