@@ -15,8 +15,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 import rrt_connect
-from inchworm_gait import DEGREE, FEET, JOINTS, KNOTS, PITCHING, PULL, Array, Legs, Stance, Swing, other
-from inchworm_gait import PRESS as SHORT_PRESS
+from inchworm_gait import DEGREE, FEET, JOINTS, KNOTS, PITCHING, PRESS as SHORT_PRESS, PULL, Array, Legs, Stance, Swing, other
 from inchworm_physics import POLE, Dynamics, Face, World, cross
 from inchworm_tunnel import PRESS, SINK, foothold
 from thingc.model.robot.kinematics import body_poses

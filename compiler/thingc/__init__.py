@@ -13,29 +13,22 @@ TYPE_CHECKING = False
 
 if TYPE_CHECKING:
     from thingc import modes as modes
-    from thingc.base.interfaces import Bolts as Bolts
-    from thingc.base.interfaces import Bore as Bore
-    from thingc.base.interfaces import Boss as Boss
-    from thingc.base.interfaces import Connector as Connector
-    from thingc.base.interfaces import Shank as Shank
-    from thingc.batch.families.family import RobotFamily as RobotFamily
-    from thingc.batch.families.family import family as family
-    from thingc.driver.api import Compiled as Compiled
-    from thingc.driver.api import CompiledMode as CompiledMode
-    from thingc.driver.api import CompileError as CompileError
-    from thingc.driver.api import compile as compile
+    from thingc.base.interfaces import Bolts as Bolts, Bore as Bore, Boss as Boss, Connector as Connector, Shank as Shank
+    from thingc.batch.families.family import RobotFamily as RobotFamily, family as family
+    from thingc.driver.api import Compiled as Compiled, CompiledMode as CompiledMode, CompileError as CompileError, compile as compile
     from thingc.driver.environment import Options as Options
     from thingc.geometry.things.actuator import Actuator as Actuator
     from thingc.geometry.things.assets import asset as asset
-    from thingc.geometry.things.mounts import MATE as MATE
-    from thingc.geometry.things.mounts import MountPoint as MountPoint
-    from thingc.geometry.things.parameters import Angle as Angle
-    from thingc.geometry.things.parameters import Count as Count
-    from thingc.geometry.things.parameters import Length as Length
-    from thingc.geometry.things.parameters import Mass as Mass
-    from thingc.geometry.things.parameters import ParameterError as ParameterError
-    from thingc.geometry.things.parameters import Range as Range
-    from thingc.geometry.things.parameters import Ratio as Ratio
+    from thingc.geometry.things.mounts import MATE as MATE, MountPoint as MountPoint
+    from thingc.geometry.things.parameters import (
+        Angle as Angle,
+        Count as Count,
+        Length as Length,
+        Mass as Mass,
+        ParameterError as ParameterError,
+        Range as Range,
+        Ratio as Ratio,
+    )
     from thingc.geometry.things.resolver import TransformResolver as TransformResolver
     from thingc.geometry.things.thing import Thing as Thing
 

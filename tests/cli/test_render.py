@@ -18,14 +18,12 @@ from PIL import Image
 
 import thingc
 from cli.drawn_positions import record_positions
-from conformance.harness import thingc as command
-from conformance.harness import thingc_here
+from conformance.harness import thingc as command, thingc_here
 from loops.robots import compiled
 from modes.test_several_coordinates import GANTRY
 from thingc.base.pose import NO_POSE
 from thingc.targets.render import studio
-from thingc.targets.render.frames import BLUE, GREEN, JOINT, RED, arrows_of, frame_mark, joint_mark
-from thingc.targets.render.frames import draw_marks as painted
+from thingc.targets.render.frames import BLUE, GREEN, JOINT, RED, arrows_of, draw_marks as painted, frame_mark, joint_mark
 from thingc.targets.render.picture import Shot, camera_of, points_of, pose_model
 from thingc.tools.cli import render, render_overlay
 from thingc.tools.cli.main import main

@@ -15,8 +15,7 @@ import numpy as np
 import pytest
 
 import thingc
-from conformance import roots
-from conformance import simulation as sim
+from conformance import roots, simulation as sim
 from conformance.conftest import ARM
 from conformance.harness import ROOT, thingc_here
 from thingc.base.frozen_struct import FrozenStruct

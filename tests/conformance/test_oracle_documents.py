@@ -13,8 +13,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from conformance import rig
-from conformance import simulation as sim
+from conformance import rig, simulation as sim
 from conformance.harness import build_here, thingc_here, tree, write
 
 MODES = {"table": "base", "gripped": "grip/finger", "loose": "boom", "pegged": "base"}

@@ -18,8 +18,7 @@ from msgspec.structs import replace
 
 from emit import small_robot
 from emit.small_robot import LIFT, X_BRACE_J, X_J_BRACKET, X_J_PALM, X_PLATE_J, X_SERVO_BRACE, YAW, assembly, box_obj, links, request
-from graph.builder import assembly as document
-from graph.builder import box, component, coordinates_of, kept, linked, mimic, mode, pose, ref, rx, ry, rz, t
+from graph.builder import assembly as document, box, component, coordinates_of, kept, linked, mimic, mode, pose, ref, rx, ry, rz, t
 from thingc.base.diagnostics import Code, Report
 from thingc.base.pose import NO_POSE, Pose
 from thingc.base.primitives import Primitive

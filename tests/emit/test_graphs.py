@@ -15,8 +15,7 @@ from emit.small_robot import assembly
 from thingc.base.safe_text import escape_control
 from thingc.geometry.store.local import Store
 from thingc.model.assembly.hag import Hag
-from thingc.targets.hag import emit as hag
-from thingc.targets.hag import labels
+from thingc.targets.hag import emit as hag, labels
 from thingc.targets.networkx_export import hag_graph, link_graph, mate_graph
 
 

@@ -7,8 +7,7 @@ import xml.etree.ElementTree as ET
 from itertools import combinations, pairwise
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from emit.graphs import NASTY, arm, awkward, graph, walker
 from thingc.base.safe_text import escape_control

@@ -12,8 +12,7 @@ from msgspec.structs import replace
 from emit.graphs import LABELS, NASTY, SCREW, XM430, arm, awkward, graph, walker
 from thingc.base.safe_text import escape_control
 from thingc.model.assembly.hag import DefinitionEdge, Hag
-from thingc.targets.hag import emit as hag
-from thingc.targets.hag import labels
+from thingc.targets.hag import emit as hag, labels
 
 NASTY_SHOWN = NASTY.replace("\x07", "\\x07").replace("\ud800", "\\ud800")
 

@@ -25,8 +25,7 @@ from msgspec.structs import replace
 from scipy.spatial.transform import Rotation
 
 from emit import small_robot
-from graph.builder import MATE, box, component, coordinates_of, linked, mimic, mode, pose, ref, rz, t, where
-from graph.builder import assembly as document
+from graph.builder import MATE, assembly as document, box, component, coordinates_of, linked, mimic, mode, pose, ref, rz, t, where
 from thingc.base.diagnostics import Code, Report
 from thingc.base.package_info import PackageInfo
 from thingc.base.pose import NO_POSE

@@ -14,8 +14,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from msgspec.structs import replace
 from scipy.spatial.transform import Rotation
 
@@ -23,8 +22,7 @@ from emit import small_robot
 from emit.read_sdf import Model, matrix, number
 from graph.builder import as_matrix
 from loops.robots import inchworm
-from loops.test_holds import MODES as HOLDS
-from loops.test_holds import POSES
+from loops.test_holds import MODES as HOLDS, POSES
 from loops.test_loop_joints import FOURBAR
 from robot.test_spanning_tree_properties import COUNTS, Tree, build, robots, world_of
 from thingc.base.diagnostics import Report

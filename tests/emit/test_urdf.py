@@ -13,14 +13,14 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from msgspec.structs import replace
 
 from emit import small_robot
 from graph.builder import (
     LEAD,
     as_matrix,
+    assembly as document,
     box,
     component,
     coordinates_of,
@@ -33,7 +33,6 @@ from graph.builder import (
     t,
     where,
 )
-from graph.builder import assembly as document
 from robot.test_spanning_tree_properties import COUNTS, WITHOUT_LEAD, Tree, build, robots, world_of
 from thingc.base.diagnostics import Code, Report
 from thingc.base.pose import Pose, make_pose, rpy_of

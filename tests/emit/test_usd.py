@@ -11,8 +11,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from msgspec.structs import replace
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 from scipy.spatial.transform import Rotation
@@ -22,8 +21,7 @@ from emit.read_usd import Model, matrix
 from emit.test_sdf import EVERY, Compiled, emitted, mujoco_pose, posed, text_of
 from graph.builder import as_matrix
 from loops.robots import inchworm
-from loops.test_holds import MODES as HOLDS
-from loops.test_holds import POSES
+from loops.test_holds import MODES as HOLDS, POSES
 from loops.test_loop_joints import FOURBAR
 from robot.test_spanning_tree_properties import COUNTS, Tree, build, world_of
 from thingc.base.inertia import MassProperties, principal_axes

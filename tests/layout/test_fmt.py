@@ -12,8 +12,7 @@ from typing import Any
 
 import pytest
 import tomlkit
-from hypothesis import HealthCheck, assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, assume, given, settings, strategies as st
 
 from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Report

@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 import tomlkit
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.source import MappingNode, ScalarNode, SequenceNode, span_at, walk

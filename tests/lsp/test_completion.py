@@ -11,8 +11,7 @@ import pytest
 from live.documents import FINGER, ROBOT, write
 from lsp.documents import Documents, analysed
 from thingc.base.diagnostics import Report
-from thingc.base.source import MappingNode, ScalarNode, Span, walk
-from thingc.base.source import Path as Keys
+from thingc.base.source import MappingNode, Path as Keys, ScalarNode, Span, walk
 from thingc.documents.load.documents import read_tree
 from thingc.documents.load.text import Source
 from thingc.tools.cli.main import main

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 import thingc
-from conformance import roots
-from conformance import simulation as sim
+from conformance import roots, simulation as sim
 from conformance.harness import ROOT, thingc_here
 
 from .conftest import DOCUMENT

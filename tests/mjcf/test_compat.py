@@ -24,8 +24,7 @@ from thingc.geometry.store.local import Store
 from thingc.model.resolve.coordinates import Dynamics, Limit
 from thingc.model.resolve.types import Overrides
 from thingc.targets.artifact import Loss
-from thingc.targets.mjcf import body_tree as tree
-from thingc.targets.mjcf import emit
+from thingc.targets.mjcf import body_tree as tree, emit
 from thingc.targets.mjcf.accepted_models import choose_geometry
 from thingc.targets.mjcf.compat import CONSUMERS
 from thingc.targets.mjcf.compat.contact_pairs import pairs

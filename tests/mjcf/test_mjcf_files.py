@@ -13,8 +13,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from mjcf.handmade import Made, Piece, Segment, box_part, material, matrix, raw, spin
 from mjcf.test_mjcf_model import arm

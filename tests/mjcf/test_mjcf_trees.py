@@ -9,8 +9,7 @@ import tempfile
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from graph.builder import as_matrix, mass_properties
 from robot.test_spanning_tree_properties import WITHOUT_LEAD, Tree, build, robots, world_of

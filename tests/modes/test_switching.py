@@ -5,8 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from modes.switching_robots import Made, bodies, jacobian, joints_of, mass_matrix, random_robot, same_motion, stir
 from thingc.modes import BaseElsewhere, BaseMoves

@@ -19,8 +19,7 @@ import pytest
 from check_jsonschema.regex_variants import _RegressImplementation
 from check_jsonschema.schema_loader import SchemaLoader
 from code_pages import read_page, unpack
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from docs.pages import PAGES, documents, meant_to_be_wrong
 from thingc.base.diagnostics import Code

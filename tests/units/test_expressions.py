@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from thingc.base.suggestions import text_of
 from thingc.base.units import ANGLE, AREA, LENGTH, LENGTH_PER_ANGLE, MASS, NUMBER, Dimension, Quantity, parse_quantity

@@ -6,8 +6,7 @@ import math
 from decimal import Context, Decimal
 
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
+from hypothesis import example, given, strategies as st
 
 from thingc.base.numeric import dist, hypot, sum_of
 

@@ -21,8 +21,7 @@ import pytest
 
 from thingc.base.diagnostics import Code
 from thingc.batch import BatchFault
-from thingc.batch.cluster import connection as cluster
-from thingc.batch.cluster import dask_executor
+from thingc.batch.cluster import connection as cluster, dask_executor
 from thingc.batch.cluster.slurm import SlurmSettings, settings_of
 from variants.robots import batch_here, environment, tree, with_emitter, workspace
 from variants.test_batch import rows, without_run

@@ -19,8 +19,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, shown_path
-from thingc.batch import folder as folders
-from thingc.batch import folder_layout
+from thingc.batch import folder as folders, folder_layout
 from thingc.batch.build_records import lengths_in, losses, outcomes
 from thingc.batch.cluster.dask_executor import DaskCluster
 from thingc.batch.cluster.protocol import Cluster

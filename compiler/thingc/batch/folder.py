@@ -17,9 +17,7 @@ from thingc.base.safe_text import json_text, quote_names
 from thingc.base.suggestions import Hint, text_of
 from thingc.batch import folder_layout
 from thingc.batch.packed_layout import DamagedChunk, complete
-from thingc.driver.output import NOTHING
-from thingc.driver.output import lock_folder as lock_output_folder
-from thingc.driver.output import unexpected_files as unexpected_in_build
+from thingc.driver.output import NOTHING, lock_folder as lock_output_folder, unexpected_files as unexpected_in_build
 from thingc.driver.up_to_date import state_of
 from thingc.geometry.store.file_digests import Digests
 

@@ -21,8 +21,6 @@ SMALL = 12
 """Largest number of equations that `solve_positive` solves by elimination in JAX."""
 CROSS = np.zeros((3, 9))
 """The cross product matrices of the unit vectors along x, y and z, each flattened to one row."""
-SMALL = 12
-"""Largest number of equations that `solve_positive` solves by elimination in JAX."""
 CROSS[[0, 1, 2], [7, 2, 3]], CROSS[[0, 1, 2], [5, 6, 1]] = 1.0, -1.0
 
 

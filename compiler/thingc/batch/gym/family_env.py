@@ -23,8 +23,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from thingc.base.suggestions import did_you_mean
-from thingc.batch.families.family import RobotFamily
-from thingc.batch.families.family import family as family_of
+from thingc.batch.families.family import RobotFamily, family as family_of
 from thingc.batch.families.results import NoModel
 from thingc.batch.gym.env_options import CACHED, EnvOptions, EnvRules, Settings, env_rules
 from thingc.batch.gym.episode import Episode, as_actions, known_options

@@ -21,8 +21,7 @@ from thingc.documents.spec.fields import describe, read_value
 from thingc.documents.spec.foreign_keywords import choice_hint, mapping_text
 from thingc.documents.spec.pruning import MISPLACED, Fault
 from thingc.documents.spec.settable_values import dimension_at
-from thingc.documents.spec.unknown_keys import UnknownKey
-from thingc.documents.spec.unknown_keys import message_of as misplaced_message
+from thingc.documents.spec.unknown_keys import UnknownKey, message_of as misplaced_message
 
 MAX_FAULTS = 200
 """Maximum number of errors reported for one document."""

@@ -16,12 +16,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from thingc.geometry.things.mounts import settle
+from thingc.geometry.things.mounts import MountPoint, settle
 from thingc.geometry.things.parameters import Value, suggestion
 from thingc.geometry.things.signature import Signature, signature_of
 
 if TYPE_CHECKING:
-    from thingc.geometry.things.mounts import MountPoint
     from thingc.geometry.things.thing import Thing
 
 Adjustments: TypeAlias = "Mapping[type[Any], Mapping[str, Value]]"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from build123d import Location, Plane, Vector
+from build123d import Location, Plane, Solid, Vector, VectorLike
 from msgspec import convert, to_builtins
 
 from thingc.base.interfaces import MatingFeature
@@ -13,7 +13,6 @@ from thingc.geometry.things.resolver import Framed, TransformResolver
 from thingc.geometry.things.sweep import Range, sweep
 
 if TYPE_CHECKING:
-    from build123d import Solid, VectorLike
     from build123d.topology import Compound
 
     from thingc.geometry.things.thing import Geometry, Thing

@@ -15,8 +15,7 @@ from thingc.documents.expressions.evaluation import ExpressionValue, format_valu
 from thingc.documents.expressions.terms import CONSTANTS, FUNCTIONS, Expression
 from thingc.documents.spec.assembly import AssemblySpec, DetailSpec
 from thingc.geometry.record import definition_label, definition_text
-from thingc.model.resolve import choices as chosen
-from thingc.model.resolve import references
+from thingc.model.resolve import choices as chosen, references
 from thingc.model.resolve.bom import catalog
 from thingc.model.resolve.components import components, nodes
 from thingc.model.resolve.contacts import components_fitting

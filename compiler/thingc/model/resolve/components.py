@@ -14,8 +14,7 @@ from thingc.base.units import shorten
 from thingc.documents.expressions.evaluation import ExpressionValue
 from thingc.documents.spec.assembly import AssemblySpec, ComponentDefaults, ComponentSpec
 from thingc.geometry.record import PartDefinition
-from thingc.model.resolve import choices as choose
-from thingc.model.resolve import overrides as properties
+from thingc.model.resolve import choices as choose, overrides as properties
 from thingc.model.resolve.bom import bom_entry
 from thingc.model.resolve.document_scope import ComponentScope, DocumentScope, ResolveRun, names_in
 from thingc.model.resolve.link_definition import LinkDefinition

@@ -15,8 +15,7 @@ from thingc.targets.artifact import Artifacts, Content, Loss, StoredArtifact
 from thingc.targets.capabilities import losses
 from thingc.targets.custom_names import apply_custom_names
 from thingc.targets.geometry import Geometry
-from thingc.targets.mjcf import body_tree as tree
-from thingc.targets.mjcf import compat, raw, raw_elements, scene, verify
+from thingc.targets.mjcf import body_tree as tree, compat, raw, raw_elements, scene, verify
 from thingc.targets.mjcf.accepted_models import choose_geometry
 from thingc.targets.mjcf.capabilities import CAPABILITIES
 from thingc.targets.request import EmitRequest

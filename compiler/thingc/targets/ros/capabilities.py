@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Never
 
 from thingc.targets.capabilities import Capabilities, Omitted, Supported
-from thingc.targets.urdf.capabilities import BALL_DRIVE, JointForm, ShapeForm
-from thingc.targets.urdf.capabilities import CAPABILITIES as URDF
+from thingc.targets.urdf.capabilities import BALL_DRIVE, CAPABILITIES as URDF, JointForm, ShapeForm
 
 _CONTROL = Supported(None, "ros2_control")
 

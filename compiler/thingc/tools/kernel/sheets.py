@@ -6,7 +6,7 @@ A part is flat if all of its faces are parallel or perpendicular to the sheet, a
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve
@@ -18,16 +18,13 @@ from OCP.gp import gp_Ax3, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from thingc.base.pose import Vector, dot
 from thingc.geometry.worker.kernel import convert
 from thingc.geometry.worker.kernel.feature_search import area_and_centre
 from thingc.geometry.worker.kernel.integrals import subshapes
 from thingc.tools.workshop.curves import Arc, Curve, Sheet, Spline, StraightEdge
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 PARALLEL = 1e-9
 """Largest component of a unit vector for which it counts as perpendicular to a direction."""

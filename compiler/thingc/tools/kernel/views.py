@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.BRepLib import BRepLib
@@ -12,14 +12,11 @@ from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
 from OCP.HLRAlgo import HLRAlgo_Projector
 from OCP.HLRBRep import HLRBRep_Algo, HLRBRep_HLRToShape, HLRBRep_PolyAlgo, HLRBRep_PolyHLRToShape
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Shape
 
 from thingc.geometry.worker.kernel.integrals import subshapes
 from thingc.tools.kernel.sheets import curve_of
 from thingc.tools.workshop.curves import VIEWS, Curve, View, Views
-
-if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Shape
 
 EXACT = frozenset({GeomAbs_Plane, GeomAbs_Cylinder, GeomAbs_Cone, GeomAbs_Sphere})
 """Surfaces that are projected exactly."""

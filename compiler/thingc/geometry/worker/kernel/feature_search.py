@@ -14,7 +14,7 @@ from OCP.gp import gp_Dir, gp_Lin, gp_Pnt
 from OCP.GProp import GProp_GProps
 from OCP.IntCurvesFace import IntCurvesFace_ShapeIntersector
 from OCP.TopAbs import TopAbs_FACE, TopAbs_REVERSED, TopAbs_WIRE
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Face, TopoDS_Shape
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist
@@ -26,7 +26,6 @@ from thingc.geometry.worker.kernel.integrals import subshapes
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 EQUAL = 1e-5
 """Largest difference [mm] of radii and of positions of axes, for which faces belong to the same cylinder."""

@@ -27,7 +27,7 @@ from OCP.GProp import GProp_GProps
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS, TopoDS_Compound
+from OCP.TopoDS import TopoDS, TopoDS_Compound, TopoDS_Face, TopoDS_Shape
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.pose import Matrix, Vector
@@ -35,7 +35,6 @@ from thingc.base.pose import Matrix, Vector
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 ACCURACY = 1e-12
 """Relative error of the volume that the kernel's adaptive integration must reach."""

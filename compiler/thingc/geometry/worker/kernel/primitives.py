@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 
 from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.GeomAbs import GeomAbs_Cylinder, GeomAbs_Plane, GeomAbs_Sphere
-from OCP.gp import gp_Pnt
+from OCP.gp import gp_Ax1, gp_Pnt
 from OCP.TopAbs import TopAbs_FACE
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Shape
 
 from thingc.base.numeric import dist, hypot, sum_of
 from thingc.base.pose import IDENTITY, Matrix, Pose, Vector, add_scaled, cross, dot, rotate, scale_vector, transpose
@@ -27,8 +27,6 @@ from thingc.geometry.worker.kernel.integrals import extent, integrals, subshapes
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from OCP.gp import gp_Ax1
-    from OCP.TopoDS import TopoDS_Shape
 
 SAME = 1e-7
 """Tolerance for directions [rad], and relative tolerance for lengths (relative to the size of the solid)."""

@@ -22,7 +22,7 @@ from OCP.GeomAbs import GeomAbs_Line, GeomAbs_Plane
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_FORWARD, TopAbs_REVERSED
 from OCP.TopExp import TopExp
 from OCP.TopLoc import TopLoc_Location
-from OCP.TopoDS import TopoDS
+from OCP.TopoDS import TopoDS, TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.geometry.worker.kernel.integrals import make_compound, subshapes
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
-    from OCP.TopoDS import TopoDS_Edge, TopoDS_Face, TopoDS_Shape
 
 
 _THIN = 1e-12
