@@ -10,6 +10,7 @@ from itertools import accumulate
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.generated_header import mode_of
+from thingc.base.grouping import group_by
 from thingc.base.inertia import MassProperties, symmetric
 from thingc.base.pose import NO_POSE, Pose, multiply, transpose
 from thingc.targets.urdf.links import SMALL_MASS
@@ -108,7 +109,8 @@ class _Reader:
         sites = {site for site in range(self.model.nsite) if int(self.model.site_bodyid[site]) in bodies}
         heads = self._heads(carriers, root)
         tendons = Tendons(self.original, joints, sites, carriers, heads)
-        rigid_links = [self._link(body, carriers, heads) for body in links]
+        members = group_by(heads, heads.__getitem__)
+        rigid_links = [self._link(body, carriers, members.get(body, ())) for body in links]
         added = Added(self.original, {"joint": joints, "site": sites, "geom": self.shapes.shown}, tendons, heads)
         drives = Actuators(self.original, joints, tendons, carriers, added)
         couplings = Equalities(self.original, drives, carriers, added)
@@ -283,7 +285,10 @@ class _Reader:
                 heads[body] = body if self.joints[body] else heads[self.parents[body]]
         return heads
 
-    def _link(self, body: int, on: dict[int, tuple[int, Pose]], heads: dict[int, int]) -> SourceLink:
+    def _link(self, body: int, on: dict[int, tuple[int, Pose]], members: Sequence[int]) -> SourceLink:
+        """Convert a body, and the mounts on it, to a link. If the body is the first of bodies that are fixed to each other, `members`
+        contains all of these bodies, and is empty otherwise.
+        """
         original, where = self.original, self.original.flat.root.where if body == WORLD else self.original.where("body", body)
         if body in self._mounts:
             return SourceLink(name=original.bodies[body], where=where)
@@ -295,7 +300,7 @@ class _Reader:
             for of in self._carried[body] for site in original.sites_of[of]
         )
         frames = tuple(original.sites[site] for site in original.frames_of[body])
-        gravcomp = self._gravcomp([one for one in heads if heads[one] == body])
+        gravcomp = self._gravcomp(members)
         return SourceLink(
             name=original.bodies[body], where=where, weight=self._weight(body), shapes=self.shapes.of(body), sites=sites,
             frames=frames, raw=(("gravcomp", numbers(gravcomp)),) if gravcomp else (),
