@@ -363,8 +363,14 @@ def test_signal_interrupts_a_command(rover: Path) -> None:
             process.stdin.write(json.dumps(message).encode() + b"\n")
         process.stdin.flush()
         assert json.loads(process.stdout.readline())["id"] == 1
-        wait_until(lambda: psutil.Process(process.pid).children(recursive=True), 60.0)
-        workers = psutil.Process(process.pid).children(recursive=True)
+
+        def running() -> list[psutil.Process]:
+            children = psutil.Process(process.pid).children(recursive=True)
+            return [child for child in children if "thingc.geometry.worker.server" in child.cmdline()]
+
+        wait_until(running, 60.0)
+        workers = running()
+        assert workers != []
         process.send_signal(signal.SIGTERM)
         assert process.wait(20.0) == 130
         assert psutil.wait_procs(workers, timeout=20.0)[1] == []
