@@ -131,6 +131,7 @@ def test_key_tables_match_the_fields_of_the_models() -> None:
         mass,
         materials,
         modes,
+        motions,
         names,
         poses,
         repeats,
@@ -144,7 +145,7 @@ def test_key_tables_match_the_fields_of_the_models() -> None:
 
     checks = [sys.modules[kind.model.__module__] for kind in kinds().values()]
     rooms = (
-        assembly, calibration, drives, interfaces, link_shapes, materials, modes, names, poses, repeats, sensors, mass, tendons,
+        assembly, calibration, drives, interfaces, link_shapes, materials, modes, motions, names, poses, repeats, sensors, mass, tendons,
         tests, transmissions, *checks, variants, workspace,
     )
     models = {

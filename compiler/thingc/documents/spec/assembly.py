@@ -18,6 +18,7 @@ from thingc.documents.spec.link_shapes import ChoiceSpec, Collision, CollisionSp
 from thingc.documents.spec.mass import CentreOfMassSpec, InertiaMatrix, InertiaSpec, MassSpec
 from thingc.documents.spec.materials import MaterialSpec, ProcessSpec
 from thingc.documents.spec.modes import ModeSpec, SimulationSpec
+from thingc.documents.spec.motions import MotionFileSpec, MotionPoseSpec
 from thingc.documents.spec.names import NamesSpec
 from thingc.documents.spec.patterns import raw_schema
 from thingc.documents.spec.poses import PoseSpec
@@ -426,22 +427,6 @@ class TurnSpec(Model):
     def _check_rules(self) -> None:
         if (self.rpy is None) == (self.quat is None) and not (self.rpy is None and self.xyz is not None):
             raise rule("an orientation requires either `rpy` or `quat`", "write, for example, `{rpy: 0 20 0 deg}`")
-
-
-class MotionPoseSpec(Model):
-    """A pose of a motion. All joints have zero speed in the pose."""
-
-    pose: name_types.PoseField
-    """A pose of this document."""
-    time: fields.TimeField = Field(examples=["1.5 s"])
-    """The time at which the robot is in the pose."""
-
-
-class MotionFileSpec(Model):
-    """A motion whose joint positions are in a file."""
-
-    file: str = Field(examples=["wave.csv"])
-    """A CSV file with a column `time` and a column for each joint, such as `elbow [deg]`, relative to this document."""
 
 
 PoseValue = name_types.PoseValueField | list[fields.JointValueField] | dict[fields.Index, fields.JointValueField] | TurnSpec

@@ -13,7 +13,7 @@ from thingc.base.suggestions import Hint
 from thingc.base.units import ANGLE, LENGTH, TIME, Dimension, UnitError, check_dimension, parse_quantity, shorten
 from thingc.documents.load.csv_tree import cells_of
 from thingc.documents.load.text import Source
-from thingc.documents.spec.assembly import MotionPoseSpec
+from thingc.documents.spec.motions import MotionPoseSpec
 from thingc.model.resolve.coordinates import CoordinateName
 from thingc.model.resolve.document_scope import DocumentScope, ResolveRun
 from thingc.model.resolve.references import report_unmatched, suggest
