@@ -10,7 +10,7 @@ import re
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -82,10 +82,10 @@ def _kept(_: int, *, seed: int = 0) -> Workers:
     return _KEPT.setdefault(tuple(environment(seed).items()), _Kept(2, seed=seed))
 
 
-def _kept_once(request: Mapping[str, Any]) -> dict[str, Any]:
+def _kept_once(request: Mapping[str, Any]) -> Callable[[], dict[str, Any]]:
     """Send a request to the shared workers, instead of to a new process, which would load the CAD kernel."""
-    [(_, answer)] = _kept(2).run([request])
-    return answer
+    _kept(2).begin([request])
+    return lambda: next(answer for _, answer in _kept(2).run([request]))
 
 
 @pytest.fixture(scope="session", params=TEMPLATES)
@@ -124,7 +124,7 @@ def pytest_collection_finish() -> None:
     gc.set_threshold(100_000, 20, 20)  # as in a command
     gc.enable()
     atexit.register(gc.unfreeze)  # otherwise, nanobind would report its objects as leaks; pytest collects garbage before that
-    client.Workers, client.once = _kept, _kept_once  # test modules, which have been imported, have the originals
+    client.Workers, client.begin_once = _kept, _kept_once  # test modules, which have been imported, have the originals
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -135,7 +135,7 @@ def test_robot_file_depends_only_on_its_values() -> None:
     length = tape.variable(3.0)
     moved = replace(placed[0], pose=replace(placed[0].pose, translation=(0.0, length, 0.0)))
     kernel = build_templates._Kernel(None)
-    assert kernel.assemble("whole", [moved, placed[1]]).size == 0 and tape.pinned == [length]
+    assert kernel.assemble("whole", [moved, placed[1]])().size == 0 and tape.pinned == [length]
 
 
 def test_pieces_of_equal_mass_are_one_row(workspace: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 from msgspec.structs import replace
 
 from thingc.base.pose import Pose, make_translation, turned_z
-from thingc.geometry.client import Workers, once
+from thingc.geometry.client import Workers, begin_once
 from thingc.geometry.record import AssemblyFailed, Placed
 from thingc.geometry.worker.kernel.step_order import sort_styles, without_noise
 
@@ -135,7 +135,7 @@ def centre_of(shape: Any) -> tuple[float, float, float]:
 
 def test_step_file_round_trip(module_place: Any, instances: list[Placed], tmp_path: Path) -> None:
     with module_place.service() as service:
-        made = service.assemble("robot", instances)
+        made = service.assemble("robot", instances)()
     data = module_place.store.read(made.sha256)
     assert len(data) == made.size
     path = tmp_path / "robot.step"
@@ -168,13 +168,13 @@ def test_step_bytes_are_equal_across_processes(
     """The kernel writes styles in the order of memory addresses, which differ between processes."""
     from thingc.geometry.store.local import Store
 
-    monkeypatch.setattr("thingc.geometry.client.once", once)  # a process for each file
+    monkeypatch.setattr("thingc.geometry.client.begin_once", begin_once)  # a process for each file
     many = [
         replace(instance, path=f"row_{k}/{instance.path}", pose=make_translation(0, k / 10, 0) @ instance.pose, color=f"#{k:02x}80{j:02x}")
         for k in range(6) for j, instance in enumerate(instances)
     ]
     with module_place.service() as service:
-        found = [service.assemble("robot", many)]
+        found = [service.assemble("robot", many)()]
     store = module_place.store
     try:
         for k in range(2):
@@ -182,7 +182,7 @@ def test_step_bytes_are_equal_across_processes(
             for blob in {instance.brep for instance in instances}:
                 module_place.store.put(store.read(blob))
             with module_place.service(workers=Workers(1)) as service:
-                found.append(service.assemble("robot", many))
+                found.append(service.assemble("robot", many)())
     finally:
         module_place.store = store
     assert len(set(found)) == 1
@@ -215,19 +215,35 @@ def test_coordinate_noise_is_rounded_to_zero() -> None:
 
 def test_unchanged_assembly_starts_no_process(module_place: Any, instances: list[Placed], monkeypatch: pytest.MonkeyPatch) -> None:
     with module_place.service() as service:
-        first = service.assemble("robot", instances)
+        first = service.assemble("robot", instances)()
     untouched = Workers(1)
     import thingc.geometry.client as client
 
-    monkeypatch.setattr(client, "once", lambda *_: pytest.fail("a process was started"))
+    monkeypatch.setattr(client, "begin_once", lambda *_: pytest.fail("a process was started"))
     with module_place.service(workers=untouched) as service:
-        assert service.assemble("robot", instances) == first
+        assert service.assemble("robot", instances)() == first
     assert not untouched.running
+
+
+def test_other_requests_are_answered_while_the_file_is_written(module_place: Any, instances: list[Placed]) -> None:
+    """Both use the same workers, which answer in any order."""
+    workers = Workers(2)
+    workers.warm()
+    try:
+        with module_place.service(workers=workers, timeout=30.0) as service:
+            waits = [service.assemble(name, instances) for name in ("first", "second")]
+            for brep in sorted({instance.brep for instance in instances}):
+                assert service.features([brep])[brep].planes
+            written = [wait() for wait in reversed(waits)]
+        for name, file in zip(("second", "first"), written, strict=True):
+            assert f"PRODUCT('{name}'".encode() in module_place.store.read(file.sha256)
+    finally:
+        workers.close()
 
 
 def test_missing_blob_fails_the_assembly(module_place: Any, instances: list[Placed]) -> None:
     broken = [Placed(path="a", definition="d", brep="0" * 64, pose=Pose(), color=None)]
     with module_place.service() as service, pytest.raises(AssemblyFailed) as caught:
-        service.assemble("robot", broken)
+        service.assemble("robot", broken)()
     assert caught.value.name == "robot"
     assert "does not contain a valid blob" in caught.value.detail

@@ -10,6 +10,7 @@ import sys
 import textwrap
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,6 @@ from thingc.driver.pipeline import read
 from thingc.geometry.client import Workers
 from thingc.geometry.record import PartRecord
 from thingc.geometry.service import GeometryService
-from thingc.targets.step.emit import in_background
 
 PARTS = """
     from build123d import *
@@ -71,7 +71,7 @@ with GeometryService(workspace, Store(store), 2, 60.0) as service:
     placed = [
         Placed(path=text, definition=text, brep=record.brep, pose=Pose(), color="#ff0000") for text, record in found.items()
     ]
-    step = service.assemble("robot", placed)
+    step = service.assemble("robot", placed)()
 heavy = ("OCP", "build123d", "numpy", "networkx", "trimesh", "mujoco", "pydantic", "rich", "typer", "asyncio")
 print(json.dumps({
     "modelled": [text for text, one in service.decisions.items() if not one.reused],
@@ -194,11 +194,11 @@ def test_dead_server_is_restarted(place: Any, define: Callable[..., Any]) -> Non
 
 
 def test_closed_workers_are_not_restarted(place: Any, define: Callable[..., Any]) -> None:
-    """Another thread that waits for them, as for a STEP file, gets an error."""
+    """A thread that waits for them gets an error, as in `thingc watch` after a file has changed."""
     place.write("parts/parts_.py", PARTS)
     workers = Workers(1)
-    with place.service(workers=workers, timeout=30.0) as service:
-        waiting = in_background(lambda: service.realize([define("parts_:Slow")]))
+    with place.service(workers=workers, timeout=30.0) as service, ThreadPoolExecutor() as threads:
+        waiting = threads.submit(service.realize, [define("parts_:Slow")])
         deadline = time.monotonic() + 60.0
         while not any(process.unanswered and process.ready for process in workers._processes) and time.monotonic() < deadline:
             time.sleep(0.05)

@@ -8,7 +8,7 @@ import os
 import queue
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
@@ -56,9 +56,9 @@ class _Process:
 class Workers:
     """The worker processes of one service: a single process that forks if the system supports fork, otherwise one process per job.
 
-    Processes are started when they are first needed. `close` or the end of this process ends the worker processes. `seed` is the Python
-    hash seed of the workers, which determines the iteration order of sets of strings. `available` is False if no worker will ever be
-    started.
+    Only one thread may send requests. Processes are started when they are first needed. `close` or the end of this process ends the
+    worker processes. `seed` is the Python hash seed of the workers, which determines the iteration order of sets of strings.
+    `available` is False if no worker will ever be started.
     """
 
     available = True
@@ -308,24 +308,29 @@ class NoWorkers(Workers):
             yield request, {"failed": ABSENT, "message": "the cache does not contain the part", "detail": ""}
 
 
-def once(request: Mapping[str, Any]) -> dict[str, Any]:
-    """Start a new worker process, send one request to it, and return its answer.
+def begin_once(request: Mapping[str, Any]) -> Callable[[], dict[str, Any]]:
+    """Start a new worker process, and send one request to it. Return a function that waits for the answer and ends the process.
 
-    The answer has the same form as in `Workers.run`.
+    The answer has the same form as in `Workers.run`. If the function is not called, the process ends after its answer.
     """
     try:
         process = _server(["--once"])
     except OSError as fault:
-        return {"failed": "crashed", "message": _no_process(fault), "detail": ""}
-    try:
-        process.ask({"id": 0, **request})
-        answer: dict[str, Any] = process.answer(float(request["timeout"]) + LOADING)
-        return answer
-    except ProcessLost as fault:
-        return {"failed": "hung" if fault.hung else "crashed", "message": "" if fault.hung else f"of the worker {fault}", "detail": ""}
-    finally:
-        process.kill()
-        process.close()
+        message = _no_process(fault)
+        return lambda: {"failed": "crashed", "message": message, "detail": ""}
+    process.ask({"id": 0, **request})
+
+    def wait() -> dict[str, Any]:
+        try:
+            answer: dict[str, Any] = process.answer(float(request["timeout"]) + LOADING)
+            return answer
+        except ProcessLost as fault:
+            return {"failed": "hung" if fault.hung else "crashed", "message": "" if fault.hung else f"of the worker {fault}", "detail": ""}
+        finally:
+            process.kill()
+            process.close()
+
+    return wait
 
 
 def _request_text(request: Mapping[str, Any]) -> str:

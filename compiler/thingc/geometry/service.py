@@ -407,18 +407,24 @@ class GeometryService(AbstractContextManager["GeometryService"]):
 
     # --- assemble ------------------------------------------------------------------------------------------------
 
-    def assemble(self, name: str, instances: Sequence[Placed]) -> StoredFile:
-        """Write the STEP file of an assembly, or return it from the cache if all placements and colours are equal.
+    def assemble(self, name: str, instances: Sequence[Placed]) -> Callable[[], StoredFile]:
+        """Start to write the STEP file of an assembly, unless the cache contains it with equal placements and colours.
 
-        Raises `AssemblyFailed` if the kernel cannot write the file.
+        Return a function that waits for the file. The function raises `AssemblyFailed` if the kernel cannot write the file.
         """
         values = to_builtins(instances)
         key = repr([name, sorted(self.part_code.versions(None).items()), values])
         file = self.store.get_json("step", key)
-        if file is None or not self.store.has(file["sha256"], file["size"]):
-            file = self._calls.call_kernel(name, op="call", function=ASSEMBLE, arguments=[name, values])
-            self.store.put_json("step", key, file)
-        return convert(file, StoredFile)
+        if file is not None and self.store.has(file["sha256"], file["size"]):
+            return lambda: convert(file, StoredFile)
+        wait = self._calls.begin_kernel_call(name, op="call", function=ASSEMBLE, arguments=[name, values])
+
+        def finish() -> StoredFile:
+            written = wait()
+            self.store.put_json("step", key, written)
+            return convert(written, StoredFile)
+
+        return finish
 
     def features(self, breps: Collection[str]) -> dict[str, Features]:
         """Return the cylinders and planar faces of B-reps in the store by their digests. Raises `AssemblyFailed` as `search` does."""
@@ -436,7 +442,7 @@ class GeometryService(AbstractContextManager["GeometryService"]):
         results = {brep: self.store.get_json("searches", key) for brep, key in keys.items()}
         missing = [brep for brep, result in results.items() if result is None]
         if missing:
-            new_results = self._calls.call_kernel(function, op="search", function=function, breps=missing)["found"]
+            new_results = self._calls.begin_kernel_call(function, op="search", function=function, breps=missing)()["found"]
             for brep, result in new_results.items():
                 self.store.put_json("searches", keys[brep], result)
             results |= new_results

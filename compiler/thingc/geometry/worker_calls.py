@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -84,22 +84,32 @@ class WorkerCalls:
             failed = {"failed": "crashed", "message": str(fault), "detail": fault.detail}
             yield from ((request, failed) for request in requests if id(request) not in answered)
 
-    def call_kernel(self, name: str, **fields: Any) -> dict[str, Any]:
+    def begin_kernel_call(self, name: str, **fields: Any) -> Callable[[], dict[str, Any]]:
         """Send a request that only requires OCP to a running worker, or to a new process if no worker is running.
 
-        `name` names the request in the error. Raises `AssemblyFailed` if the worker has no answer.
+        Return a function that waits for the answer. `name` names the request in the error. The function raises `AssemblyFailed` if the
+        worker has no answer.
         """
         request = self.request(**fields)
+        wait = None
         if self.workers is not None and self.workers.running:
-            ((_, answer),) = self.run([request])
+            self.workers.begin([request])
         else:
-            from thingc.geometry.client import once
+            from thingc.geometry.client import begin_once
 
             self.store.check()
-            answer = once(request)
-        if "answer" not in answer:
-            raise AssemblyFailed(name, answer.get("message") or answer["failed"], answer.get("detail", ""))
-        return answer["answer"]  # type: ignore[no-any-return]
+            wait = begin_once(request)
+
+        def finish() -> dict[str, Any]:
+            if wait is not None:
+                answer = wait()
+            else:
+                ((_, answer),) = self.run([request])
+            if "answer" not in answer:
+                raise AssemblyFailed(name, answer.get("message") or answer["failed"], answer.get("detail", ""))
+            return answer["answer"]  # type: ignore[no-any-return]
+
+        return finish
 
     def failure(self, subject: str, answer: Mapping[str, Any]) -> PartFailure:
         """Create the failure of a part whose worker process ended before it answered. `answer` describes how the process ended.

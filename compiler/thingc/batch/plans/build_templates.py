@@ -236,18 +236,20 @@ class _Kernel:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._service, name)
 
-    def assemble(self, name: str, instances: Sequence[Placed]) -> StoredFile:
-        """Write the STEP file of the robot in the same way as `GeometryService`.
+    def assemble(self, name: str, instances: Sequence[Placed]) -> Callable[[], StoredFile]:
+        """Start to write the STEP file of the robot in the same way as `GeometryService`.
 
-        If the poses of parts contain traced numbers, return an empty file instead. In this case, the plan applies only to the current
+        If the poses of parts contain traced numbers, the file is empty instead. In this case, the plan applies only to the current
         values of these numbers.
         """
         rows: list[tuple[Any, ...]] = [row for instance in instances for row in (*instance.pose.rotation, instance.pose.translation)]
         traced = [number for row in rows for number in row if isinstance(number, Traced)]
         for number in traced:
             number.tape.pin(number)
-        file: StoredFile = StoredFile(sha256="", size=0) if traced else self._service.assemble(name, instances)
-        return file
+        if traced:
+            return lambda: StoredFile(sha256="", size=0)
+        wait: Callable[[], StoredFile] = self._service.assemble(name, instances)
+        return wait
 
 
 class _Template:

@@ -2,39 +2,15 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
-from concurrent.futures import Future
-from functools import partial
-from typing import TypeVar
 
 from thingc.base.diagnostics import Code
 from thingc.geometry.record import AssemblyFailed, Placed, StoredFile
 from thingc.targets.artifact import Artifacts, Loss, StoredArtifact
 from thingc.targets.request import EmitRequest
 
-Value = TypeVar("Value")
-
-
-def in_background(work: Callable[[], Value]) -> Future[Value]:
-    """Call `work()` in a daemon thread, and return a future for its result.
-
-    The caller may ignore the result.
-    """
-    future: Future[Value] = Future()
-
-    def run() -> None:
-        try:
-            future.set_result(work())
-        except BaseException as fault:
-            future.set_exception(fault)
-
-    threading.Thread(target=run, daemon=True).start()
-    return future
-
-
-PendingFile = tuple[Future[StoredFile] | None, tuple[Loss, ...]]
-"""A future for a STEP file that the CAD kernel is writing, or None if no part has exact geometry, and the export losses of the target."""
+PendingFile = tuple[Callable[[], StoredFile] | None, tuple[Loss, ...]]
+"""A function that waits for the STEP file, or None if no part has exact geometry, and the export losses of the target."""
 
 
 def emit(request: EmitRequest) -> Artifacts:
@@ -52,7 +28,7 @@ def emit(request: EmitRequest) -> Artifacts:
         no_file = Loss("step", None, assembly.name, what, "omitted", assembly.definition.origin)
         return Artifacts(files={}, losses=(*losses, no_file))
     try:
-        written = file.result()
+        written = file()
     except AssemblyFailed as fault:
         request.report.add(
             Code.STEP_FAILED, f"cannot write the STEP file of `{assembly.name}`: {fault.reason}", assembly.definition.origin,
@@ -86,6 +62,6 @@ def begin(request: EmitRequest) -> PendingFile:
         # the kernel's own reader fails on a quotation mark in a product's name (OCCT 8.0: "Incorrect Syntax")
         name = names.setdefault(text, occurrence.component.key if occurrence.definition.kind == "file" else text.replace("'", ""))
         instances.append(Placed(path=occurrence.path, definition=name, brep=record.brep, pose=pose, color=occurrence.color))
-    file = in_background(partial(request.geometry.assemble, assembly.name, instances)) if instances else None
+    file = request.geometry.assemble(assembly.name, instances) if instances else None
     pending = request.made["step"] = file, tuple(losses)
     return pending

@@ -24,7 +24,7 @@ from thingc.base.safe_text import quote_names
 from thingc.base.source import MappingNode, node_at
 from thingc.documents.format.formatting import format_document
 from thingc.documents.load.documents import read_tree
-from thingc.geometry.client import once
+from thingc.geometry.client import begin_once
 from thingc.geometry.features import Cylinder, Features, PlanarFace
 from thingc.geometry.store.local import Store
 from thingc.tools.importing.document_names import distinct, plain_name
@@ -135,7 +135,7 @@ def import_step(path: str, store: Store, report: Report) -> ImportedAssembly | N
         return None
     store.check()
     request = {"op": "call", "function": READER, "arguments": [os.path.abspath(path)], "store": store.root, "timeout": TIME_LIMIT}
-    answer = once(request)
+    answer = begin_once(request)()
     refused = answer["answer"].get("refused") if "answer" in answer else f"the CAD kernel cannot read the file ({answer['failed']})"
     if refused is not None:
         flat = "no assembly structure" in refused
