@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from testing.rig import HEAD, Workspace
+from thingc.model.solids.contact_cells import JointSide
 
 PARTS = '''
 from build123d import Box, Location, Pos
@@ -118,9 +119,12 @@ def answer(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Any:
         upper, lower = (contact(9.0, 0.5, wall) - 0.01 for wall in (5.0, 6.0))
         wanted |= {"inside": f"{{turn: [{-lower} deg, {upper} deg]}}", "both": "{'both[0]': [0 deg, 5 deg], 'both[1]': [0 mm, 30 mm]}"}
         wanted["two"] = "{turn: all, wide: [30 deg, 30.5 deg]}"
-        return rig.test(TEXT, "".join(
+        cuts, cut = [], JointSide.cut
+        patch.setattr(JointSide, "cut", lambda side, cell: cuts.append(cell) or cut(side, cell))
+        found = rig.test(TEXT, "".join(
             f"  {name}: {{no_collision: {{joints: {joints}, certify: references}}}}\n" for name, joints in wanted.items()
         ))
+        return {**found, "cuts": len(cuts)}
 
 
 def finding(answer: Any, name: str) -> Any:
@@ -154,6 +158,11 @@ def test_finding_names_reference_joint_first_angles_and_limits(answer: Any) -> N
     lines = TEXT.splitlines()
     assert [lines[note["line"] - 1].split(":")[0].strip() for note in one["notes"][1:]] == ["slot", "turn"]
     assert answer["by_name"]["turn"]["measured"]["certificate"]["touches"] == ["slot and pin"]
+
+
+def test_parts_are_cut_once_in_a_search(answer: Any) -> None:
+    """The search for first positions compares the same parts in a hundred ranges. The cells around a joint do not depend on the range."""
+    assert 50 < answer["cuts"] < 500
 
 
 def test_pairs_at_other_joints_do_not_change_the_limits(answer: Any) -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from math import ceil, floor, inf, radians
 
 from thingc.base.diagnostics import Note
+from thingc.base.memo import Memo
 from thingc.model.assembly.interfaces import mount_name
 from thingc.model.assembly.kinematics import joints_of
 from thingc.model.assembly.types import Assembly
@@ -53,6 +54,7 @@ def first_overlaps(robot: Robot, frame: Keyframe, ranges: Sequence[JointRange], 
     joint_range = ranges[min(moving)]
     joint = next(joint for joint in joints_of(robot.assembly) if joint.path == joint_range.joint)
     step, show = radians(0.1) if joint.turns else 1e-4, joint.twist.format
+    cache = Memo()
     joint_pairs = [pair for pair in pairs if sweep_all.joints_between(pair.one, pair.other)[1] == moving]
 
     def position(number: int) -> float:
@@ -62,7 +64,7 @@ def first_overlaps(robot: Robot, frame: Keyframe, ranges: Sequence[JointRange], 
         low, high = sorted((position(start), position(end)))
         sweep = Sweep(robot, frame, [JointRange(joint=joint_range.joint, lower=low, upper=high)])
         copies = [replace(pair, gap=inf, depth=0.0, found=False, apart=False, near=False, seen=0) for pair in joint_pairs]
-        prove_pairs(sweep, copies)
+        prove_pairs(sweep, copies, cache=cache)
         return any(pair.verdict == "touches" for pair in copies)
 
     ends = floor(joint_range.lower / step), ceil(joint_range.upper / step)

@@ -15,9 +15,10 @@ from math import cos, inf, pi, sin
 import numpy as np
 from manifold3d import Manifold
 
+from thingc.base.memo import Memo
 from thingc.base.pose import Pose, along
 from thingc.base.progress import Progress, ProgressCounter
-from thingc.model.solids.clearance import BoundedSolid, SolidPair, SolidPlace, Sweep, prove
+from thingc.model.solids.clearance import BoundedSolid, SolidPair, Sweep, prove
 from thingc.model.solids.joint_boxes import SKIN, TOUCH, Array
 from thingc.model.solids.shapes import Solid
 
@@ -32,10 +33,14 @@ MARGIN = 1e-4
 """Smallest distance [m] by which the cells extend beyond the parts, so that they contain contacts at the end of a part."""
 
 Bounds = tuple[tuple[float, float], tuple[float, float]]
+Bodies = tuple[BoundedSolid, BoundedSolid]
 
 
-def prove_pairs(sweep: Sweep, pairs: Sequence[SolidPair], progress: Progress | None = None) -> None:
-    """Compare pairs in all positions, except for the cells in which parts at a joint are always in contact. Show the progress."""
+def prove_pairs(sweep: Sweep, pairs: Sequence[SolidPair], progress: Progress | None = None, cache: Memo | None = None) -> None:
+    """Compare pairs in all positions, except for the cells in which parts at a joint are always in contact. Show the progress.
+
+    If the same pairs are compared in several ranges, `cache` contains the pieces of the parts, which do not depend on the range.
+    """
     counter = ProgressCounter(progress, "proving pairs", len(pairs))
     for pair in pairs:
         joints, moving, looped = sweep.joints_between(pair.one, pair.other)
@@ -43,29 +48,47 @@ def prove_pairs(sweep: Sweep, pairs: Sequence[SolidPair], progress: Progress | N
     prove(sweep, pairs, counter)
     for pair in pairs:
         if pair.until_contact and pair.done and (pair.seen == 1 or not pair.found):
-            _divide(sweep, pair)
+            _divide(sweep, pair, cache or Memo())
         pair.until_contact = False
 
 
-def _divide(sweep: Sweep, pair: SolidPair) -> None:
+def _divide(sweep: Sweep, pair: SolidPair, cache: Memo) -> None:
     """Compare two parts that are in contact at a single hinge or slide, except for the cells in which they are always in contact."""
     pair.found = False
     place = sweep.place(sweep.initial)
     assert place is not None, "the loops close in the keyframe"
-    cells = _Cells(place, pair, sweep.joints_between(pair.one, pair.other)[0][0])
-    most = max(SKIN, min(pair.deep, pair.error + SKIN))  # the overlap is an upper bound of the mean thickness of an intersection
-    open_cells, near = [cells.bounds], False
-    for _ in range(LEVELS):
-        overlaps = [(cell, cells.overlap(cell)) for bounds in open_cells for cell in _quarters(bounds)]
-        near |= any(-TOUCH <= overlap <= most for _, overlap in overlaps)
-        open_cells = [cell for cell, overlap in overlaps if overlap > most]
-    parts = [part for cell in open_cells for part in cells.cut(cell)]
+    anchor, angular, linear = (tuple(vector) for vector in place.twists[sweep.joints_between(pair.one, pair.other)[0][0]].tolist())
+    turns = any(angular)
+    frame = along(angular if turns else linear, anchor)
+    poses = tuple(place.at(part).inverse() @ frame for part in (pair.one, pair.other))
+    near, pieces = cache((pair.one, pair.other), _pieces, pair.bodies, poses, turns, pair.error, pair.deep)
+    parts = [SolidPair(pair.one, pair.other, pair.error, True, 0.0, pair.deep, PATIENCE, bodies=bodies) for bodies in pieces]
     prove(sweep, parts)
     pair.near = near or any(part.verdict != "clear" for part in parts)
     worst = max((part for part in parts if part.verdict == "touches"), key=lambda part: part.depth, default=None)
     if worst is not None:
         pair.found, pair.gap = True, 0.0
         pair.depth, pair.volume, pair.q = worst.depth, worst.volume, worst.q
+
+
+def _pieces(bodies: Bodies, poses: tuple[Pose, Pose], turns: bool, error: float, deep: float) -> tuple[bool, list[Bodies]]:
+    """Return whether two parts are nearly in contact in any cell, and the pieces of both parts in each cell in which they may overlap.
+
+    `poses` are the frames of the joint in the frames of the parts. The two coordinates of a cell [m] are the radius and the height of a
+    ring around a hinge (`turns`), or x and y of a prism along a slide.
+    """
+    sides = [JointSide(body, pose, turns) for body, pose in zip(bodies, poses, strict=True)]
+    reach, margin = max(side.reach for side in sides), max(error, MARGIN)
+    low, high = _shared_bounds(sides, ((-reach, reach), (-reach, reach)))
+    (x, y), (x_end, y_end) = (low - margin).tolist(), (high + margin).tolist()
+    open_cells, near = [((0.0 if turns else x, x_end), (y, y_end))], False
+    most = max(SKIN, min(deep, error + SKIN))  # the overlap is an upper bound of the mean thickness of an intersection
+    for _ in range(LEVELS):
+        overlaps = [(cell, _overlap(sides, cell)) for bounds in open_cells for cell in _quarters(bounds)]
+        near |= any(-TOUCH <= overlap <= most for _, overlap in overlaps)
+        open_cells = [cell for cell, overlap in overlaps if overlap > most]
+    pieces = [[side.cut(cell) for side in sides] for cell in open_cells]
+    return near, [(one, other) for one, other in pieces if one is not None and other is not None]
 
 
 def joint_bounds(corners: Array, turns: bool) -> tuple[Array, Array]:
@@ -89,40 +112,17 @@ def _quarters(bounds: Bounds) -> Iterator[Bounds]:
     return product(first, second)
 
 
-class _Cells:
-    """The cells around a joint between two parts.
+def _shared_bounds(sides: Sequence[JointSide], cell: Bounds) -> tuple[Array, Array]:
+    lows, highs = zip(*(side.bounds_in(cell) for side in sides), strict=True)
+    return np.max(lows, axis=0), np.min(highs, axis=0)
 
-    The two coordinates of `bounds` [m] are the radius and the height of a ring around a hinge, or x and y of a prism along a slide.
+
+def _overlap(sides: Sequence[JointSide], cell: Bounds) -> float:
+    """Return the smallest overlap [m] of the bounds of the parts in a cell: an upper bound of the mean thickness of their intersection in
+    all positions. If the overlap is negative, the parts are clear in the cell.
     """
-
-    def __init__(self, place: SolidPlace, pair: SolidPair, joint: int) -> None:
-        anchor, angular, linear = (tuple(vector) for vector in place.twists[joint].tolist())
-        turns = any(angular)
-        frame = along(angular if turns else linear, anchor)
-        parts = zip((pair.one, pair.other), pair.bodies, strict=True)
-        self.pair, self.sides = pair, [JointSide(body, place.at(part).inverse() @ frame, turns) for part, body in parts]
-        reach = max(side.reach for side in self.sides)
-        low, high = self._shared_bounds(((-reach, reach), (-reach, reach)))
-        low, high = low - (margin := max(pair.error, MARGIN)), high + margin
-        self.bounds: Bounds = ((0.0 if turns else float(low[0]), float(high[0])), (float(low[1]), float(high[1])))
-
-    def _shared_bounds(self, cell: Bounds) -> tuple[Array, Array]:
-        lows, highs = zip(*(side.bounds_in(cell) for side in self.sides), strict=True)
-        return np.max(lows, axis=0), np.min(highs, axis=0)
-
-    def overlap(self, cell: Bounds) -> float:
-        """Return the smallest overlap [m] of the bounds of the parts in a cell: an upper bound of the mean thickness of their intersection
-        in all positions. If the overlap is negative, the parts are clear in the cell.
-        """
-        low, high = self._shared_bounds(cell)
-        return float((high - low).min())
-
-    def cut(self, cell: Bounds) -> Iterator[SolidPair]:
-        """Yield a copy of the pair with the parts of its solids inside a cell, unless one of them is empty."""
-        one, other = (side.cut(cell) for side in self.sides)
-        if one is not None and other is not None:
-            pair = self.pair
-            yield SolidPair(pair.one, pair.other, pair.error, True, 0.0, pair.deep, PATIENCE, bodies=(one, other))
+    low, high = _shared_bounds(sides, cell)
+    return float((high - low).min())
 
 
 class JointSide:
