@@ -24,6 +24,8 @@ import networkx
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = "compiler/thingc/"
 PARAMETERS, LINES, USES = 8, 50, 12
+BLOCKS = ("body", "handlers", "orelse", "finalbody", "cases")
+"""The fields of a module or a statement that contain statements, or parts of a statement that contain some."""
 Trees = dict[str, tuple[str, ast.Module]]
 """The source text and the syntax tree of every module, by path in the package."""
 
@@ -153,7 +155,12 @@ def statements(tree: ast.Module) -> Iterator[ast.AST]:
     while waiting:
         node = waiting.popleft()
         yield node
-        waiting.extend(inner for inner in ast.iter_child_nodes(node) if not isinstance(inner, ast.expr))
+        waiting.extend(blocks(node))
+
+
+def blocks(node: ast.AST) -> list[ast.AST]:
+    """Return the statements in a module or a statement, and the handlers and cases that contain further statements."""
+    return [inner for name in BLOCKS for inner in getattr(node, name, ())]
 
 
 def functions(path: str, tree: ast.Module) -> Iterator[Function]:
@@ -189,9 +196,8 @@ def module(path: str) -> str:
 def at_run_time(node: ast.AST) -> Iterator[ast.AST]:
     """Yield a node and the statements below it, except code that only type checkers read."""
     yield node
-    for inner in node.orelse if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test) else ast.iter_child_nodes(node):
-        if not isinstance(inner, ast.expr):
-            yield from at_run_time(inner)
+    for inner in node.orelse if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test) else blocks(node):
+        yield from at_run_time(inner)
 
 
 if __name__ == "__main__":

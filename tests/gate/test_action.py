@@ -17,6 +17,7 @@ import yaml
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from conformance.harness import thingc_here
 from gate.repository import commit, fork, git
 
 pytestmark = pytest.mark.slow
@@ -184,7 +185,7 @@ def test_changed_robot_file_is_annotated_at_its_line(job: Job, head: str) -> Non
 
 
 def test_part_code_from_fork_does_not_run(job: Job, tmp_path: Path) -> None:
-    subprocess.run([BIN / "thingc", "lock"], cwd=job.folder, env={**os.environ, "THINGC_STORE": job.store}, check=True)
+    assert thingc_here("lock", cwd=job.folder, store=job.store).code == 0
     commit(job.folder, "lock")
     job.github["event.pull_request.base.sha"] = git(job.folder, "rev-parse", "HEAD").strip()
     job.github["event.pull_request.head.repo.full_name"] = "stranger/robots"
@@ -453,10 +454,7 @@ def test_hook_fmt(repository: Path, shared_store: str) -> None:
 
 
 def test_hooks_lock_and_no_code(repository: Path, shared_store: str) -> None:
-    done = subprocess.run(
-        [BIN / "thingc", "lock"], cwd=repository, env={**os.environ, "THINGC_STORE": shared_store}, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
+    assert thingc_here("lock", cwd=repository, store=shared_store).code == 0
     git(repository, "add", "-A")
     assert hook(repository, "thingc-lock", shared_store).returncode == 0
     part = repository / "parts" / "arm.py"
