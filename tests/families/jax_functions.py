@@ -59,6 +59,21 @@ def test_values_and_derivatives_equal_those_of_the_function(everything: thingc.R
     assert gradient.tolist() == pytest.approx([1.0, 0.3], rel=1e-12)
 
 
+def test_an_array_of_another_shape_is_refused(everything: thingc.RobotFamily) -> None:
+    """JAX would use the last element instead of a missing element, and a row of a matrix instead of an element."""
+    function = everything.function(["load", "length"], ["mass"]).jax()
+    for x in ([0.7], [0.7, 0.3, 0.2], np.full((2, 2), 0.3), 0.7):
+        with pytest.raises(FamilyError, match=r"expected 2 numbers, found an array of shape \(.*\): for many rows of numbers, use"):
+            function(x)
+
+
+def test_settings_that_are_not_finite_are_refused(everything: thingc.RobotFamily) -> None:
+    """The number has no upper bound."""
+    function = everything.function(["stiff"], ["mass"])
+    for stiff, expected in ((9.0, True), (np.inf, False), (np.nan, False)):
+        assert bool(function.jax()([stiff])[1]) == function.value([stiff]).ok == expected
+
+
 def test_exported_names_exist() -> None:
     """Here, because some names import JAX."""
     for package in map(import_module, ("thingc", "thingc.batch", "thingc.batch.families", "thingc.modes", "thingc.targets")):

@@ -50,7 +50,7 @@ EFFECTS = "kp: 8 N*m/rad, delay: 5 ms, deadband: 2 deg, stall: 1.5 N*m, velocity
 LEVERS = """\
 thingc: assembly/1
 name: levers
-parameters: {load: {value: 1 kg, min: 0.1 kg}, slack: {value: 1 deg, min: 0 deg}}
+parameters: {load: {value: 1 kg, min: 0.1 kg}, slack: {value: 1 deg, min: 0 deg}, strength: 2 N*m}
 components:
   post: {frame: true, mass: 1 kg, inertia: &inertia {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}}
   arm: {frame: true, mass: =load, com: [100 mm, 0, 0], inertia: *inertia}
@@ -62,11 +62,22 @@ joints:
     child: arm.origin
     axis: [0, 1, 0]
     drive: {kind: position, kp: 8 N*m/rad, kv: 0.2 N*m*s/rad, delay: 5 ms, deadband: =slack, stall: 1.5 N*m, velocity: 3 rad/s}
-  spin: {type: continuous, parent: post.origin, child: wheel.origin, axis: [0, 1, 0], drive: {kind: motor, effort: 2 N*m, noise: 0.05 N*m}}
+  spin:
+    type: continuous
+    parent: post.origin
+    child: wheel.origin
+    axis: [0, 1, 0]
+    drive: {kind: motor, effort: =strength, noise: 0.05 N*m}
 modes:
+  turned: {root: wheel, base: fixed}
   standing: {root: post, base: fixed}
   finer: {root: post, base: fixed, simulation: {timestep: 1 ms}}
   coarse: {root: post, base: fixed, simulation: {integrator: rk4}}
+"""
+BALL = """\
+  neck: {type: ball, parent: post.origin, child: arm.origin}
+  tail: {type: ball, parent: post.origin, child: wheel.origin}
+modes: {standing: {root: post, base: fixed}}
 """
 
 
@@ -120,6 +131,14 @@ def test_robots_switch_modes_as_in_mujoco(feet: thingc.RobotFamily) -> None:
             assert (states.terminated[k], states.truncated[k], states.refused[k]) == (seen[0] > 0.2, truncated, "refused" in info)
             ends += states.terminated[k]
     assert states.truncated.all() and 0 < ends < 18 and np.abs(states.reward).min() > 1e-3
+    unknown = step(models, states, jnp.asarray(actions), jnp.asarray([2, -1]))
+    assert unknown.refused.all() and (unknown.mode == states.mode).all() and (unknown.steps > states.steps).all()
+    for action, mode, words in (
+        (np.zeros(2), 0, r"expected 1 numbers, found an array of shape \(2,\)"), (actions, 0, r"of shape \(2, 1\): for many rows"),
+        (np.zeros(1), 1.0, "expected `mode` to be the index of a mode, found 1.0"), (np.zeros(1), True, "index of a mode, found True"),
+    ):
+        with pytest.raises(FamilyError, match=words):
+            env.step(models, states, action, mode)
 
 
 def test_numbers_that_move_mounts_are_refused(feet: thingc.RobotFamily) -> None:
@@ -137,10 +156,10 @@ def test_numbers_that_move_mounts_are_refused(feet: thingc.RobotFamily) -> None:
 def test_imperfect_drives_move_as_in_mujoco(tmp_path: Path) -> None:
     """The wheel of the second drive, which has noise, does not affect the arm. The derivatives of the observations by the actions equal
     finite differences."""
-    loads, count = [0.3, 1.2], 20
+    settings, count = [{"load": 0.3, "strength": 1.0}, {"load": 1.2, "strength": 3.0}], 20
     with family_of(tmp_path, f"{LEVERS}simulation: {{timestep: 2 ms, integrator: implicitfast}}\n") as family:
-        env = MjxEnv(family, ["load"], "standing", reward=velocity, floor=False)
-        models, axes, _ = env.batch(np.array(loads * 16)[:, None])
+        env = MjxEnv(family, ["load", "strength"], "standing", reward=velocity, floor=False)
+        models, axes, _ = env.batch(np.array([list(one.values()) for one in settings] * 16))
         states = jax.jit(jax.vmap(env.reset, in_axes=(axes, 0)))(models, jax.random.split(jax.random.key(3), 32))
         step = jax.vmap(env.step, in_axes=(axes, 0, 0))
 
@@ -155,7 +174,7 @@ def test_imperfect_drives_move_as_in_mujoco(tmp_path: Path) -> None:
             _, slope, following = jax.jvp(observed, (actions,), (actions,), has_aux=True)
             return following, slope
 
-        worlds = [make_env(family, settings=[{"load": load}], mode="standing", floor=False) for load in loads]
+        worlds = [make_env(family, settings=[one], mode="standing", floor=False) for one in settings]
         for world in worlds:
             world.reset(seed=1)
         speeds = [states.observation[:, 3]]
@@ -166,14 +185,24 @@ def test_imperfect_drives_move_as_in_mujoco(tmp_path: Path) -> None:
                 seen = world.step(np.array([angle, 0.0]))[0]
                 np.testing.assert_allclose(states.observation[k, [0, 2]], seen[[0, 2]], atol=1e-11)
         # Beyond the deadband, and within the torque-speed line. For an array that JAX has computed, it would compile the function again.
-        actions = np.stack([states.observation[:, 0] + 0.1, np.zeros(32)], axis=1)
+        actions = np.stack([states.observation[:, 0] + 0.1, np.full(32, 0.5)], axis=1)
         ahead, behind, (_, slope) = (run(models, states, actions * (1.0 + change)) for change in (1e-6, -1e-6, 0.0))
         difference = (ahead[0].observation - behind[0].observation)[:, [0, 2]] / 2e-6
         np.testing.assert_allclose(slope[:, [0, 2]], difference, rtol=1e-6, atol=1e-8)
         assert np.abs(slope[:, 2]).min() > 1e-2
+        np.testing.assert_allclose(ahead[0].data[0].ctrl[:, 1], [0.5, 1.5] * 16, rtol=2e-6)  # a part of the own range of each robot
     changes = np.diff(speeds, axis=0)
     assert changes.std() == pytest.approx(5**0.5 * 0.05 * 2e-3 / 0.01, rel=0.1)
     assert abs(np.corrcoef(changes.T)[0, 1:]).max() < 0.8 and abs(states.data[0].actuator_force[:, 1]).max() == 0.0
+
+
+def test_ball_joints_require_an_observation(tmp_path: Path) -> None:
+    with family_of(tmp_path, LEVERS[: LEVERS.index("  lift:")] + BALL) as family:
+        with pytest.raises(FamilyError, match="the default observation does not support ball joints or free joints: use `observation`"):
+            MjxEnv(family, ["load"], "standing", reward=velocity)
+        env = MjxEnv(family, ["load"], "standing", reward=velocity, observation=lambda step: step.data.qpos)
+        models, _ = env.models(jnp.array([0.5]))
+        assert jax.eval_shape(env.reset, models, jax.random.key(0)).observation.shape == (8,)
 
 
 def test_drives_that_vary_are_refused(tmp_path: Path) -> None:
@@ -183,3 +212,11 @@ def test_drives_that_vary_are_refused(tmp_path: Path) -> None:
         for mode in (["standing", "finer"], ["coarse"]):
             with pytest.raises(FamilyError, match="drives with a `delay` require the same time step, and not `rk4` as integrator"):
                 MjxEnv(family, ["load"], mode, reward=velocity)
+
+
+def test_numbers_that_change_the_start_are_refused(tmp_path: Path) -> None:
+    document = LEVERS.replace("turned: {root: wheel, base: fixed", "turned: {root: wheel, base: fixed, pose: leaning")
+    with family_of(tmp_path, f"{document}poses: {{level: {{lift: 0.2 rad}}, leaning: {{lift: =load * 1 rad/kg}}}}\n") as family:
+        MjxEnv(family, ["load"], "standing", reward=velocity)  # starts in the pose `level`
+        with pytest.raises(FamilyError, match="the first keyframe of mode `turned` depends on load: use `at` to fix these values"):
+            MjxEnv(family, ["load"], "turned", reward=velocity)

@@ -272,6 +272,7 @@ def test_errors(family: thingc.RobotFamily) -> None:
         ({"observation": ("qpos",)}, FamilyError, "expected an observation of 2 numbers in mode `loose`, found 9"),
         ({"observation_noise": -1.0}, FamilyError, "expected `observation_noise` to be numbers of at least 0, found -1.0 for `joints`"),
         ({"observation_noise": {"sensor": 1.0}}, UnknownVariant, "there is no observation `sensor`"),
+        ({"observation_noise": {"sensors": 1.0}}, UnknownVariant, "there is no observation `sensors`"),
         ({"action_delay": (2, 1)}, FamilyError, r"expected `action_delay` to be a whole number .* found \(2, 1\)"),
         ({"push": (0, 1.0)}, FamilyError, r"expected `push` to be a pair \(number of actions, impulse \[N s\]\), found \(0, 1.0\)"),
         *(({"push": push}, FamilyError, "expected `push` to be a pair") for push in (3, "ab", (3, "x"), (3, float("inf")), (3, 1.0, 2.0))),

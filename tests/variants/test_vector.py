@@ -199,6 +199,17 @@ def test_settings_are_listed_or_sampled(family: thingc.RobotFamily) -> None:
     assert [id(data) for data in drawn.data] == states  # no new memory for another robot
 
 
+def test_the_last_of_two_matching_settings_applies(family: thingc.RobotFamily) -> None:
+    many = [{"joints.swing.dynamics.damping": 0.3, "joints.*.dynamics.damping": 0.1}]
+    many.append(dict(reversed(many[0].items())))
+    left = iter(many)
+    listed, drawn = (make_vec_env(family, 1, settings=settings, mode="hanging") for settings in (many, lambda source: next(left)))
+    for place, damping in enumerate((0.1, 0.3)):
+        listed.reset(options={"variant": place})
+        drawn.reset()
+        assert listed.models[0].joint("swing").damping[0] == drawn.models[0].joint("swing").damping[0] == damping
+
+
 def test_observation_ends_with_scaled_settings(tmp_path: Path) -> None:
     """Flags, expressions, and parameters that depend on a setting, scaled by their bounds."""
     (tmp_path / "crane.yaml").write_text(CRANE)

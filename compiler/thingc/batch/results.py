@@ -60,7 +60,13 @@ class FamilyError(ValueError):
 
 
 class UnknownVariant(FamilyError, KeyError):
-    """Raised if a batch does not contain the requested variant, column or mode."""
+    """Raised for a name that does not exist, such as the name of a variant, column or mode."""
+
+
+def require_known(name: str, known: Iterable[str], message: str, *, what: str) -> None:
+    """Raise `UnknownVariant` with the given message if `name` is not one of the `known` names of `what`, such as `"modes"`."""
+    if name not in known:
+        raise UnknownVariant(message, did_you_mean(str(name), known, what=what))
 
 
 class Sizes(FrozenStruct):
@@ -330,8 +336,7 @@ class BatchResults(Sequence[BuiltVariant]):
                 known = ", ".join(f"`{mode_name}`" for mode_name in self.mode_names)
                 raise FamilyError(f"batch `{self.name}` has {len(self.mode_names)} modes ({known})", "select a mode with `mode=\"...\"`")
             name = self.mode_names[0]
-        if name not in self.mode_names:
-            raise UnknownVariant(f"batch `{self.name}` has no mode `{name}`", did_you_mean(str(name), self.mode_names, what="modes"))
+        require_known(name, self.mode_names, f"batch `{self.name}` has no mode `{name}`", what="modes")
         return name
 
     def models(

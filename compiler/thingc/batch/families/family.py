@@ -22,7 +22,7 @@ from thingc.batch.measurements import SITE, TEST, TORQUES, tested_values
 from thingc.batch.plans.build_templates import Builds
 from thingc.batch.plans.numeric_plan import PlanCache
 from thingc.batch.plans.refusals import Refusals
-from thingc.batch.results import FamilyError
+from thingc.batch.results import FamilyError, require_known
 from thingc.batch.run_options import as_names, at_least, is_whole
 from thingc.batch.values import unit_in
 from thingc.batch.variant import Variant
@@ -400,8 +400,7 @@ class RobotFamily(AbstractContextManager["RobotFamily"]):
         `alone` is True if only tests are requested.
         """
         for name in names:
-            if name not in self._numbers.spec.tests:
-                raise FamilyError(f"there is no test `{name}`", did_you_mean(name, self._numbers.spec.tests, what="tests"))
+            require_known(name, self._numbers.spec.tests, f"there is no test `{name}`", what="tests")
             if not tested_values(kind := self._numbers.spec.tests[name].kind):
                 raise FamilyError(f"`{TEST}{name}` has no derivatives (kind `{kind}`)", f"remove `{TEST}{name}`")
         if names and not alone:

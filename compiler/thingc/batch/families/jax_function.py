@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from functools import reduce
 from typing import Any
 
+import numpy as np
+
 try:
     import jax
     import jax.numpy as jnp
@@ -43,10 +45,11 @@ def jax_function(program: Program, by: Sequence[int], values: Sequence[float], d
 
     def run(x: Any) -> tuple[Any, Any]:
         variables = [jnp.asarray(value, dtype=dtype) for value in values]
+        require_vector(x, len(by))
         for place, index in enumerate(by):
             variables[index] = jnp.asarray(x, dtype=dtype)[place]
         known: dict[int, Any] = dict(zip(program.variables, variables, strict=True))
-        ok = jnp.asarray(True)
+        ok = jnp.isfinite(jnp.asarray(x, dtype=dtype)).all()
         for statement in program.statements:
             arguments = [value_in(argument, known) for argument in statement.arguments]
             result = arguments[0][arguments[1]] if statement.operation == "item" else FUNCTIONS[statement.operation](*arguments)
@@ -57,6 +60,12 @@ def jax_function(program: Program, by: Sequence[int], values: Sequence[float], d
         return jnp.stack([jnp.asarray(value_in(statement, known), dtype=dtype) for statement in program.outputs]), ok
 
     return run
+
+
+def require_vector(x: Any, count: int) -> None:
+    """Raise `FamilyError` if the shape of `x` is not `(count,)`. JAX itself replaces missing elements of an array by its last element."""
+    if np.shape(x) != (count,):
+        raise FamilyError(f"expected {count} numbers, found an array of shape {np.shape(x)}", "for many rows of numbers, use `jax.vmap`")
 
 
 def _hypot(*components: Any) -> Any:

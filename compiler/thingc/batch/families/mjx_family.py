@@ -51,7 +51,8 @@ class FamilyMjx:
 
     `start` `(n,)` contains the values of the numbers in the document. `base` is the MJX model for `start`, and `mj_model` is the `MjModel`
     from which it was converted. `varied` contains the names of the fields that can differ between the MJX models. All other fields, such as
-    keyframes, have the same values as in `base`. `drives_vary` is True if custom data or delays of drives depend on the numbers.
+    keyframes, have the same values as in `base`. `drives_vary` is True if custom data or delays of drives depend on the numbers, and
+    `start_varies` if the first keyframe does.
     """
 
     def __init__(self, models: ModelsOfMode, function: FamilyFunction, dtype: str, delays: bool) -> None:
@@ -210,8 +211,10 @@ class FamilyMjx:
             self._numbers = NumberPlaces(root, template.places, model, geometry=True)
         except NotAnArrayEntry as fault:
             raise self._fixed_error(f"MuJoCo uses `{fault.attribute}` at compile time") from None
-        self._writes = {name: write for name, write in self._numbers.writes.items() if not name.startswith(IGNORED)}
-        self.drives_vary = not self._numbers.writes.keys().isdisjoint(("numeric_data", "actuator_delay"))
+        every = self._numbers.writes
+        self._writes = {name: write for name, write in every.items() if not name.startswith(IGNORED)}
+        self.start_varies = any(name.startswith("key_") and min(write.at) < getattr(model, name)[0].size for name, write in every.items())
+        self.drives_vary = not every.keys().isdisjoint(("numeric_data", "actuator_delay"))
         self.ratios = [
             (model.actuator(actuator.get("name", "")).id, template.places.get(ratio), ratio)
             for actuator in root.iterfind("actuator/*") if (ratio := actuator.get("dampratio")) is not None

@@ -7,8 +7,7 @@ from typing import Any
 
 from thingc.base.diagnostics import Diagnostic, Severity
 from thingc.base.one_line_repr import OneLineStruct
-from thingc.base.suggestions import did_you_mean
-from thingc.batch.results import UnknownVariant
+from thingc.batch.results import UnknownVariant, require_known
 from thingc.driver.testing.outcomes import Result as TestResult
 
 
@@ -42,12 +41,11 @@ class Evaluated(OneLineStruct):
 
         If the result does not exist, raises `UnknownVariant` (a `KeyError`) with the reason in the message.
         """
-        if name in self.results:
-            return self.results[name]
-        refused = next((problem.message for problem in self.problems if problem.severity is Severity.ERROR), None)
-        if refused is not None and not self.results:
-            raise UnknownVariant(f"result `{name}` does not exist for the rejected settings {dict(self.settings)}: {refused}")
-        raise UnknownVariant(f"there is no result `{name}`", did_you_mean(str(name), self.results, what="results"))
+        errors = () if self.results else [problem.message for problem in self.problems if problem.severity is Severity.ERROR]
+        if errors:
+            raise UnknownVariant(f"result `{name}` does not exist for the rejected settings {dict(self.settings)}: {errors[0]}")
+        require_known(name, self.results, f"there is no result `{name}`", what="results")
+        return self.results[name]
 
 
 class NoModel(OneLineStruct):

@@ -6,10 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from thingc.base.one_line_repr import OneLineStruct
-from thingc.base.suggestions import did_you_mean
 from thingc.base.units import NUMBER, Quantity
 from thingc.batch.axes import Axis
-from thingc.batch.results import UnknownVariant
+from thingc.batch.results import require_known
 from thingc.documents.expressions.evaluation import ExpressionValue, plain
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 
@@ -50,10 +49,8 @@ class SearchSpace(Sequence[SpaceDimension]):
         Raises `UnknownVariant` (a `KeyError`) for an unknown name, and `IndexError` for an invalid index.
         """
         if isinstance(key, str):
-            for dimension in self:
-                if dimension.name == key:
-                    return dimension
-            raise UnknownVariant(f"unknown setting `{key}`", did_you_mean(key, self.names))
+            require_known(key, self.names, f"unknown setting `{key}`", what="names")
+            key = self.names.index(key)
         return self._dimensions[key]
 
     def __repr__(self) -> str:

@@ -31,8 +31,9 @@ class EnvOptions(TypedDict, total=False):
             function that draws settings with a `numpy.random.Generator`. The default is all valid variants of the document that satisfy its
             rules, or the robot of an assembly.
         mode: The mode of the models (default: the mode of the family).
-        modes: The modes between which actions can switch. Episodes start in the first of these modes. With several modes, an action is a
-            mapping with `mode` and `joints`.
+        modes: The modes between which actions can switch. Episodes start in the first of these modes. With this option, an action is a
+            mapping with `mode` and `joints`, which has one element for each actuator: those of the first mode, then those that only later
+            modes have.
         on_motion: The behaviour if the new mode holds a link that moves: `"impact"` (default) or `"drop"` stops the link, and `"raise"`
             refuses the switch.
         may_switch: A function of an `MjData` and the names of the old and the new mode. If the function returns False, the switch is
@@ -43,11 +44,12 @@ class EnvOptions(TypedDict, total=False):
         terminated: A function of a `StepInfo` that returns True to end an episode.
         frame_skip: Number of simulation steps per action (default: 5).
         max_steps: Number of actions per episode (default: 1000).
-        observation: The terms of an observation: `qpos`, `qvel`, `joints` (joint positions and velocities in the same order in every mode),
-            `sensors`, `gravity` (the direction of gravity in the root link of the first mode), `action` (the last action) and `mode`
-            (one-hot encoding of the mode). By default, the terms are `qpos` and `qvel`, or, with `modes`, `joints`, `gravity` and `mode`.
-        observation_noise: The largest random change of the numbers in an observation, or a mapping from terms to such changes. The terms
-            `action` and `mode` do not have noise.
+        observation: The terms of an observation: `qpos`, `qvel`, `joints` (the positions and velocities of all joints, in the order of the
+            `coordinates` of `family.modes(settings, *modes)`, which is the same in every mode), `sensors`, `gravity` (the direction of
+            gravity in the root link of the first mode), `action` (the last action) and `mode` (one-hot encoding of the mode). By default,
+            the terms are `qpos` and `qvel`, or, with `modes`, `joints`, `gravity` and `mode`.
+        observation_noise: The largest random change of the numbers in an observation, except in the terms `action` and `mode`, or a mapping
+            from terms to such changes.
         descriptor: Names in `family.space` whose values are appended to the observation. Each value is scaled from its bounds to [-1, 1].
         action_scale: The change of a control for an action of 1. By default, the interval [-1, 1] is mapped to the range of each control.
         action_offset: The controls for an action of 0, if there is an `action_scale` (default: the controls of the first keyframe of the

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
-from thingc.base.suggestions import did_you_mean
 from thingc.batch.gym.drive_effects import DriveEffects
 from thingc.batch.gym.env_options import EnvRules
 from thingc.batch.gym.rewards import Array, StepInfo
-from thingc.batch.results import FamilyError, UnknownVariant
+from thingc.batch.results import FamilyError, require_known
 from thingc.driver.testing.settle_simulation import BAD
 from thingc.targets.mjcf.drives import start_delays
 
@@ -28,8 +27,7 @@ def known_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> di
         raise FamilyError(f"expected `options` to be a mapping from names to values, found `{options}`")
     options = dict(options or {})
     for name in options:
-        if name not in known:
-            raise FamilyError(f"`reset` has no option `{name}`", did_you_mean(str(name), known, what="options"))
+        require_known(name, known, f"`reset` has no option `{name}`", what="options")
     return options
 
 
@@ -55,7 +53,7 @@ class ModeSimulation:
         self.name = name
         self.model = model
         self.controls = controls
-        self.spans = spans_of(model)
+        self.spans = spans_of(model, np)
         self.effects = DriveEffects(model, undelayed=undelayed)
 
 
@@ -231,15 +229,13 @@ def _reset(model: mujoco.MjModel, data: mujoco.MjData, pose: str | None, name: s
 
 def _keyframe(model: mujoco.MjModel, pose: str, name: str) -> int:
     names = [model.key(k).name for k in range(model.nkey)]
-    if pose not in names:
-        raise UnknownVariant(f"variant `{name}` has no pose `{pose}`", did_you_mean(str(pose), names, what="poses"))
+    require_known(pose, names, f"variant `{name}` has no pose `{pose}`", what="poses")
     return names.index(pose)
 
 
-def spans_of(model: mujoco.MjModel) -> tuple[Array, Array]:
-    """Return two arrays with shape (nu,) that contain the lower and the upper bounds of all controls of a model.
+def spans_of(model: Any, xp: Any) -> Any:
+    """Return an array (2, nu) with the lower and the upper bounds of all controls of a model of MuJoCo or MJX.
 
-    For a control without limits, the bounds are -1 and 1.
+    For a control without limits, the bounds are -1 and 1. `xp` is the module `numpy` or `jax.numpy`.
     """
-    limited = model.actuator_ctrllimited.astype(bool)
-    return np.where(limited, model.actuator_ctrlrange[:, 0], -1.0), np.where(limited, model.actuator_ctrlrange[:, 1], 1.0)
+    return xp.where(model.actuator_ctrllimited[:, None], model.actuator_ctrlrange, np.array([-1.0, 1.0])).T

@@ -12,7 +12,7 @@ Importing this module registers `gymnasium.make_vec("thingc/Family-v0", num_envs
 from __future__ import annotations
 
 import os
-from collections import Counter, OrderedDict
+from collections import OrderedDict
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from numbers import Integral
@@ -83,6 +83,7 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         self._sources: list[np.random.Generator | None] = [None] * num_envs
         self._ended = np.zeros(num_envs, dtype=bool)
         self._morphologies = Morphologies(family, distribution(family, rules.settings), rules)
+        self.refused = self._morphologies.refused
         self.mode = self._morphologies.modes[0]
         example = self._morphologies.episode(self._morphologies.first, None)
         self.metadata["render_fps"] = round(1.0 / (example.model.opt.timestep * rules.frame_skip))
@@ -99,11 +100,6 @@ class FamilyVectorEnv(VectorEnv[Array, Any, np.ndarray[Any, Any]]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._observations = np.zeros((num_envs, length))
-
-    @property
-    def refused(self) -> Counter[str]:
-        """The number of invalid robot settings that were drawn and skipped, keyed by error message."""
-        return self._morphologies.refused
 
     # --- Gymnasium API --------------------------------------------------------------------------------------------------
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from thingc.batch.families.jax_function import require_vector
 from thingc.batch.families.results import NoModel
 from thingc.batch.gym.drive_effects import DriveEffects
 from thingc.batch.gym.episode import spans_of
@@ -85,7 +86,8 @@ class MjxStep(NamedTuple):
 
     Attributes:
         data: The MJX data after the action.
-        robot: The state of the robot after the action. Its arrays have the same shapes in every mode.
+        robot: The `State` of the robot after the action. Its arrays have the same shapes in every mode. If the robot has ball joints or
+            free joints, or the mode has a planar or ball base, `robot` is None.
         mode: The index of the mode, which is a Python constant.
         action: The action in [-1, 1].
         velocity: The mean velocity (3,) of the centre of mass during the action [m/s].
@@ -93,7 +95,7 @@ class MjxStep(NamedTuple):
     """
 
     data: mjx.Data
-    robot: State[jax.Array]
+    robot: Any
     mode: int
     action: jax.Array
     velocity: jax.Array
@@ -133,7 +135,7 @@ class MjxEnv:
         at_least(1, frame_skip=frame_skip, max_steps=max_steps)
         at_least(0, whole=False, noise=noise)
         self.modes = as_names(modes=modes)
-        robot = family.modes(at or {})
+        robot = family.modes(at or {}, *self.modes)  # in this order, from which that of the joints follows, as in `make_env`
         if isinstance(robot, NoModel):
             raise FamilyError(robot.reason)
         self._worlds = tuple(
@@ -144,10 +146,15 @@ class MjxEnv:
         varies = len(options) > 1 or "opt.timestep" in self._worlds[0].family.varied
         if self._delay and (varies or any(kind == mjx.IntegratorType.RK4 for _, kind in options)):
             raise FamilyError("in MJX, drives with a `delay` require the same time step, and not `rk4` as integrator", "use `make_vec_env`")
+        if self._worlds[0].family.start_varies:
+            what = f"the first keyframe of mode `{self.modes[0]}` depends on {', '.join(self._worlds[0].family.names)}"
+            raise FamilyError(what, "use `at` to fix these values, or use `make_vec_env`")
         if len(self.modes) > 1:
             for world in self._worlds:
                 world.check_switches()
         self.actuators = tuple(dict.fromkeys(name for world in self._worlds for name in world.map.actuators))
+        if observation is None and (unread := next((world.unread for world in self._worlds if world.unread), "")):
+            raise FamilyError(f"the default observation does not support {unread}", "use `observation`")
         self._reward, self._terminated = reward, terminated
         self._observation = default_observation(len(self.modes)) if observation is None else observation
         self._frame_skip, self._max_steps, self._noise, self._on_motion = frame_skip, max_steps, noise, on_motion
@@ -196,12 +203,16 @@ class MjxEnv:
         """Apply an action to a robot, and return its new state. `mode` is the index of the mode to which the robot switches first.
 
         The shape of `action` is `(action_size,)`. The interval [-1, 1] of an action is mapped to the range of each control. A switch is
-        refused if the robot is not where the new mode holds it. A new episode does not start automatically. To choose between `state` and
-        the state of a new `reset`, use `jnp.where(state.terminated, ...)`.
+        refused if there is no such mode, or if the robot is not where the new mode holds it. A new episode does not start automatically. To
+        choose between `state` and the state of a new `reset`, use `jnp.where(state.terminated, ...)`. Raises `FamilyError` for an action of
+        another shape, and for a mode that is not an integer.
         """
-        action = jnp.clip(action, -1.0, 1.0)
+        require_vector(action, self.action_size)
+        action, mode = jnp.clip(action, -1.0, 1.0), jnp.asarray(mode)
+        if mode.shape != () or mode.dtype.kind not in "iu":
+            raise FamilyError(f"expected `mode` to be the index of a mode, found {mode}")
         centre = jnp.stack([data.subtree_com[0] for data in state.data])[state.mode]
-        data, current, refused = self._switch_mode(models, state, jnp.asarray(mode))
+        data, current, refused = self._switch_mode(models, state, mode)
         results: Any = (state.observation, state.reward, state.terminated, state.commands)
         for number, (model, data_of_mode) in enumerate(zip(models, data, strict=True)):
             stepped = partial(self._step_mode, number, model, data_of_mode, action, centre, state)
@@ -216,7 +227,7 @@ class MjxEnv:
 
         Return the MJX data of all modes, the index of the current mode, and a flag that is True if the switch was refused.
         """
-        data, refused = list(state.data), jnp.zeros((), dtype=bool)
+        data, refused = list(state.data), (mode < 0) | (mode >= len(self.modes))
         for number in range(len(self.modes) if len(self.modes) > 1 else 0):
             enters = (mode == number) & (state.mode != number)
             old = {name: getattr(data[number], name) for name in ENTERED}
@@ -251,7 +262,7 @@ class MjxEnv:
         controls of all actuators.
         """
         world, columns = self._worlds[number], self._controls[number]
-        low, high = world.spans
+        low, high = spans_of(model, jnp)
         past = jnp.where(jnp.asarray(self._exists)[state.mode][columns], state.commands[:, columns], data.ctrl)
         model, data = world.family.put(model, data.replace(ctrl=low + (action[columns] + 1.0) / 2.0 * (high - low)))
         data, past = self._simulate(world.effects, model, data, past, jax.random.fold_in(state.key, state.steps))
@@ -292,7 +303,8 @@ class MjxEnv:
         down = data.xmat[root].T @ model.opt.gravity
         size = jnp.linalg.norm(model.opt.gravity)
         velocity = (data.subtree_com[0] - centre) / seconds
-        return MjxStep(data, world.read(model, data), number, action, velocity, down / jnp.where(size == 0.0, 1.0, size))
+        robot = None if world.unread else world.read(model, data)
+        return MjxStep(data, robot, number, action, velocity, down / jnp.where(size == 0.0, 1.0, size))
 
 
 def default_observation(modes: int) -> Callable[[MjxStep], jax.Array]:
@@ -304,19 +316,23 @@ def default_observation(modes: int) -> Callable[[MjxStep], jax.Array]:
 
 
 class _World:
-    """A mode of the robot, together with the MJX models for this mode."""
+    """A mode of the robot, together with the MJX models for this mode.
+
+    `unread` contains the features of the mode for which the state of the robot cannot be read from MJX data, or is empty.
+    """
 
     def __init__(self, mode: Mode, family: FamilyMjx) -> None:
         self.mode = mode
         self.family = family
         self.map = map_model(mode, family.mj_model)
-        self.spans = spans_of(family.mj_model)
         self.control = family.mj_model.key_ctrl[0] if family.mj_model.nkey else np.zeros(family.mj_model.nu)
         self.effects = DriveEffects(family.mj_model, undelayed=True)  # MJX does not delay controls, so the environment does
         family.base = family.base.tree_replace({"opt.disableflags": mjx.DisableBit(family.mj_model.opt.disableflags)})
         if self.effects.acts and family.drives_vary:
             what = f"the deadband, noise, delay or torque-speed line of a drive depends on {', '.join(family.names)}"
             raise FamilyError(what, "use `at` to fix these values, or use `make_vec_env`")
+        self.unread = "a planar or ball base" if mode.part is not None else (
+            "ball joints or free joints" if any(joint.ball is not None for joint in mode.joints) else "")
         self._inertias = inertia_rows(mode, family.mj_model)
         self._root = family.mj_model.body(mode.root_link).id
 
@@ -328,9 +344,7 @@ class _World:
                 f"switches between modes do not support a variable `{moving[0]}`, which depends on {', '.join(self.family.names)}",
                 "use `at` to fix the numbers that move links, joints or mounts",
             )
-        lacks = "a planar or ball base" if mode.part is not None else "mounts under `hold`" if mode.holds else (
-            "ball joints or free joints" if any(joint.ball is not None for joint in mode.joints) else
-            "actuators with activations" if self.family.mj_model.na else "")
+        lacks = self.unread or ("mounts under `hold`" if mode.holds else "actuators with activations" if self.family.mj_model.na else "")
         if lacks:
             raise FamilyError(f"switches in MJX do not support {lacks} (mode `{mode.name}`)", "use `make_vec_env`")
 

@@ -100,10 +100,9 @@ class Morphologies:
 
     def _index_of(self, variant: Any) -> int:
         ids, names, count = self.choices.ids, self.choices.names, len(self.choices.many)
-        if isinstance(variant, str) and variant in ids:
-            return list(ids).index(variant)
-        if isinstance(variant, str) and variant in names:
-            return list(names).index(variant)
+        for known_names in (ids, names):
+            if isinstance(variant, str) and variant in known_names:
+                return list(known_names).index(variant)
         if isinstance(variant, bool) or not isinstance(variant, Integral) or not -count <= int(variant) < count:
             known = did_you_mean(variant, names, what="variants") if isinstance(variant, str) and names else f"there are {count}"
             raise UnknownVariant(f"there is no variant `{variant}`", known)
@@ -190,12 +189,12 @@ def distribution(family: RobotFamily, settings: Iterable[Settings] | Draw | None
 
 
 def settings_key(settings: Settings) -> tuple[tuple[str, Any], ...]:
-    """Return the cache key of settings.
+    """Return the cache key of settings. The order of the settings matters, because several names can match the same value.
 
     Raises `FamilyError` if the settings are not a mapping from names to numbers or strings.
     """
     try:
-        key = tuple(sorted(settings.items()))
+        key = tuple(settings.items())
         hash(key)
     except (AttributeError, TypeError):
         raise FamilyError(f"expected settings as a mapping from names to numbers or strings, found `{settings!r}`") from None

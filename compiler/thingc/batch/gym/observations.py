@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from thingc.base.suggestions import did_you_mean
 from thingc.batch.gym.episode import Episode
 from thingc.batch.gym.rewards import Array
-from thingc.batch.results import FamilyError, UnknownVariant
+from thingc.batch.results import FamilyError, require_known
 from thingc.batch.run_options import as_names, is_number
 
 Term = Callable[[Episode], Array]
@@ -67,21 +66,21 @@ class Observer:
     """Computes observations with the given terms, and adds random noise to the observations.
 
     `noise` is the maximum random change of a number, or a mapping from terms to such changes. `example` is an episode with the same sizes
-    as all other episodes. Raises `UnknownVariant` for an unknown term, and `FamilyError` for invalid noise.
+    as all other episodes. Raises `UnknownVariant` for an unknown term and for noise of another term, and `FamilyError` for invalid noise.
     """
 
     def __init__(self, terms: Sequence[str] | str | None, noise: float | Mapping[str, float], example: Episode) -> None:
         names = (ALONE if example.robot is None else SWITCHED) if terms is None else as_names(observation=terms)
         noise_by_term = noise if isinstance(noise, Mapping) else {name: noise for name in names if name not in EXACT}
-        for name in (*names, *noise_by_term):
-            if name not in TERMS:
-                raise UnknownVariant(f"there is no observation `{name}`", did_you_mean(str(name), TERMS, what="observations"))
+        for name in names:
+            require_known(name, TERMS, f"there is no observation `{name}`", what="observations")
         for name, value in noise_by_term.items():
+            require_known(name, names, f"there is no observation `{name}`", what="observations")
             if not is_number(value) or value < 0.0:
                 raise FamilyError(f"expected `observation_noise` to be numbers of at least 0, found {value} for `{name}`")
         self._names = names
-        lengths = [len(TERMS[name](example)) for name in names]
-        self.length = sum(lengths)
+        lengths = np.array([len(TERMS[name](example)) for name in names], dtype=int)
+        self.length = int(lengths.sum())
         self._noise: Any = np.repeat([float(noise_by_term.get(name, 0.0)) for name in names], lengths)
 
     def __call__(self, episode: Episode, source: np.random.Generator, row: Array) -> None:
@@ -89,7 +88,7 @@ class Observer:
 
         Raises `FamilyError` if the size of this observation differs from the size of other observations.
         """
-        values = np.concatenate([TERMS[name](episode) for name in self._names])
+        values = np.concatenate([[], *(TERMS[name](episode) for name in self._names)])
         if len(values) != self.length:
             mode = episode.simulations[episode.mode].name
             raise FamilyError(f"expected an observation of {self.length} numbers in mode `{mode}`, found {len(values)}")

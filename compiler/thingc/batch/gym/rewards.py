@@ -9,9 +9,8 @@ import mujoco
 import numpy as np
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.suggestions import did_you_mean
 from thingc.batch.families.family import RobotFamily
-from thingc.batch.results import BuiltVariant, FamilyError, UnknownVariant
+from thingc.batch.results import BuiltVariant, FamilyError, require_known
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -74,11 +73,9 @@ class Descriptor:
 
     def __init__(self, family: RobotFamily, names: Sequence[str]) -> None:
         self._names = tuple(names)
-        known = family.space.names if names else ()
         spans: list[tuple[float, float]] = []
         for name in names:
-            if name not in known:
-                raise UnknownVariant(f"`{family.name}` has no setting `{name}`", did_you_mean(str(name), known, what="names"))
+            require_known(name, family.space.names, f"`{family.name}` has no setting `{name}`", what="names")
             dimension = family.space[name]
             numbers = [value for value in dimension.choices if isinstance(value, int | float)] or [dimension.low, dimension.high]
             if None in numbers or len(numbers) < len(dimension.choices):

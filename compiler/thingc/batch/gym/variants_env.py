@@ -48,9 +48,6 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
     and qvel are padded with 0 to the sizes of the largest variant. Smaller variants ignore additional elements of an action.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}
-    render_mode = None
-
     def __init__(self, family: BatchResults, rules: EnvRules, *, weights: Array, pad: bool) -> None:
         self.family = family
         self.mode = family.choose_mode(rules.mode)
