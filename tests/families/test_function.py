@@ -140,6 +140,15 @@ def test_many_settings_are_computed_over_columns(workspace: Path, monkeypatch: p
         assert [one.results for one in many] == [one.results for one in alone]
 
 
+def test_infinite_numbers_are_refused_by_a_plan(everything: thingc.RobotFamily) -> None:
+    """The number has no upper bound, so no comparison of the compiler excludes infinity."""
+    numbers = [*np.linspace(20.0, 30.0, 20).tolist(), np.inf]
+    many = [{"stiff": number} for number in numbers]
+    assert everything.function(["stiff"], ["mass"]).value(np.array(numbers)[:, None]).ok.tolist() == [True] * 20 + [False]
+    assert [evaluated.sound for evaluated in everything.evaluate(many)] == [True] * 20 + [False]
+    assert [bool(model) for model in everything.models(many, share=True)] == [True] * 20 + [False]
+
+
 @pytest.mark.parametrize("mode", ["standing", "footed"])
 def test_shared_loads_are_planned(workspace: Path, monkeypatch: pytest.MonkeyPatch, mode: str) -> None:
     """Two drives on a joint, a tendon and feet share loads by least squares. The plan computes the same bits."""

@@ -10,7 +10,7 @@ from itertools import count
 from typing import Any, Generic, TypeVar
 
 from thingc.base.diagnostics import Diagnostic
-from thingc.base.numeric import nan
+from thingc.base.numeric import inf, nan
 from thingc.batch.plans.columns import Booleans, ColumnFunction, Floats, column_function
 from thingc.batch.plans.part_exchange import Exchange, Exchanged
 from thingc.batch.plans.program import Argument, Program
@@ -60,11 +60,11 @@ class NumericPlan(Generic[Template]):
     def to_variables(self, values: Sequence[float]) -> tuple[float, ...] | None:
         """Convert the values of all settings to the values of the variables of `program`.
 
-        Return None if the plan does not apply to the given values.
+        Return None if the plan does not apply to the given values. A plan never applies to infinite values, which documents cannot contain.
         """
-        if any(values[at] != value for at, value in self.fixed):
-            return None
         variables = tuple(values[at] for at in self.free)
+        if any(values[at] != value for at, value in self.fixed) or not all(-inf < value < inf for value in variables):
+            return None
         if self.exchange is None:
             return variables
         exchanged = self.exchange.of(variables)
@@ -77,6 +77,7 @@ class NumericPlan(Generic[Template]):
         to which the plan applies. This method requires that no parts depend on the settings.
         """
         outputs, ok = self._columns(values[:, list(self.free)])
+        ok &= (abs(values) < inf).all(axis=1)
         for at, value in self.fixed:
             ok &= values[:, at] == value
         return outputs, ok
