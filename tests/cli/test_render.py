@@ -299,6 +299,25 @@ def test_positions_replace_those_of_the_pose(
         assert ran.code == 2 and "joint `elbow` mimics `shoulder`\n  help: set `shoulder`" in ran.err
 
 
+def test_position_outside_the_limits_is_a_warning(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Joints that mimic another joint are checked, too."""
+    text = FINGERS.replace("shoulder: {type: continuous", "shoulder: {type: revolute, limit: {lower: 0, upper: 90 deg}")
+    text = text.replace("elbow: {type: continuous", "elbow: {type: revolute, limit: {lower: 0, upper: 150 deg}")
+    (tmp_path / "fingers.yaml").write_text(text.replace("MIMIC", "mimic: {joint: shoulder, multiplier: 2}").replace("POSES", ""))
+    record_positions(monkeypatch)
+    for position, outside in (("70 deg", []), ("80 deg", ["elbow` in the picture (160"]), ("-9 deg", ["shoulder` in the picture (-9"] * 2)):
+        assert main(["render", str(tmp_path / "fingers.yaml"), "--position", f"shoulder={position}", "-o", str(tmp_path / "a.png")]) == 0
+        warnings = re.findall(r"warning\[TC601\]: (.*)", capsys.readouterr().err)
+        assert len(warnings) == len(outside), warnings
+        assert all(part in warnings[0] for part in outside)
+    assert warnings == [
+        "the position of joint `shoulder` in the picture (-9 deg) is outside its limits (0 deg to 90 deg)",
+        "the position of joint `elbow` in the picture (-18 deg) is outside its limits (0 deg to 150 deg)",
+    ]
+
+
 def test_rendering_is_deterministic_and_checks_its_target(
     lamp: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
 import warnings
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from importing.test_mjcf_names import built_from, imported_from
 from thingc.base.diagnostics import Report
 from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.importing import Imported, import_robot
+from thingc.tools.importing.update_import import earlier_import
 
 ROBOTS = Path(__file__).parent / "robots"
 ROOTS = {
@@ -513,3 +515,103 @@ def test_tendon_equality_is_lost_if_a_joint_has_a_reference(tmp_path: Path) -> N
     assert "equality `equal`" not in [loss.what for loss in imported_from(TWO_LINKS, tmp_path).losses]
     referred = TWO_LINKS.replace('name="j"', 'name="j" ref="10"')
     assert "equality `equal`" in [loss.what for loss in imported_from(referred, tmp_path).losses]
+
+
+DRAG = """\
+<mujoco>
+  <option density="1000"/>
+  <worldbody>
+    <body name="tilted"><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="2e-2 2e-2 1e-2" quat="0.8 0.1 0.2 0.3"/></body>
+    <body name="aligned" pos="1 0 0"><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="2e-2 2e-2 1e-2" quat="1 0 1 0"/></body>
+    <body name="unequal" pos="2 0 0"><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="3e-2 2e-2 1e-2" quat="0.8 0.1 0.2 0.3"/></body>
+    <body name="ball" pos="3 0 0"><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="2e-2 2e-2 2e-2" quat="0.8 0.1 0.2 0.3"/></body>
+    <body name="full" pos="4 0 0"><freejoint/><inertial pos="0 0 0" mass="1" fullinertia="16e-3 19e-3 16e-3 -2e-3 -4e-3 -2e-3"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def test_arbitrary_axes_of_drag_are_losses(tmp_path: Path) -> None:
+    """MuJoCo computes drag for a box along the principal axes, and chooses the axes of equal moments when it reads the built model."""
+    imported = _imported(tmp_path, DRAG)
+    ours = thingc.compile(tmp_path / "out" / imported.document).modes["source"].model()
+    theirs, drags = mujoco.MjModel.from_xml_path(str(tmp_path / "robot.xml")), []
+    names = [theirs.body(k).name for k in range(1, theirs.nbody)]
+    for model in (theirs, ours):
+        data = mujoco.MjData(model)
+        for name in names:
+            first = int(model.joint(int(model.body(name).jntadr[0])).dofadr[0])
+            data.qvel[first : first + 3] = 0.3, 1.0, -0.6
+        mujoco.mj_forward(model, data)
+        drags.append(numpy.array([data.qfrc_passive[int(model.body(name).dofadr[0]) :][:3] for name in names]))
+    changed = {name for name, one, other in zip(names, *drags, strict=True) if not numpy.allclose(one, other, rtol=1e-6)}
+    assert changed == {"tilted", "ball"} and numpy.abs(drags[0]).min() > 1e-3
+    lost = {loss.what for loss in imported.losses if "drag" in loss.what}
+    assert lost == {f"the orientation of the drag of `{name}`" for name in changed}
+    assert not [loss for loss in _imported(tmp_path, DRAG.replace("density", "viscosity")).losses if "drag" in loss.what]
+
+
+KEPT = """\
+<mujoco>
+  <option density="1.2"/>
+  <worldbody>
+    <body name="arm" gravcomp="0.4">
+      <joint name="lift" type="slide" axis="0 0 1" range="-1 1"/><geom name="one" size="0.05" mass="1"/>
+      <body name="tip" gravcomp="0.8" pos="0.2 0 0"><geom name="two" size="0.05" mass="3"/></body>
+    </body>
+    <body name="other" pos="0 1 0"><joint name="turn"/><geom name="three" type="box" size="0.05 0.06 0.07" pos="0.1 0 0" mass="1"/></body>
+  </worldbody>
+  <contact><exclude body1="arm" body2="other"/><exclude body1="tip" body2="other"/></contact>
+  <sensor><framepos name="seen" objtype="body" objname="tip"/></sensor>
+</mujoco>
+"""
+
+
+def test_kept_links_do_not_lose_properties_of_single_bodies(tmp_path: Path) -> None:
+    """With `keep`, also that of an earlier import, no values are averaged, and no losses of merged bodies are reported."""
+    file, folder = tmp_path / "robot.xml", tmp_path / "out"
+    file.write_text(KEPT)
+    merged, kept = import_cleanly(file), import_cleanly(file, ImportRequest(keep=True))
+    of_arm = {
+        "the different `gravcomp` of bodies fixed to `arm`", "drag of `arm`, computed for each body", "the softness of contacts of `arm`",
+    }
+    assert {loss.what for loss in merged.losses} >= of_arm
+    assert [loss.what for loss in kept.losses if "indices" not in loss.what] == []
+    document = write_import(kept, folder)
+    again = import_cleanly(file, ImportRequest(update=True, earlier=lambda _: earlier_import(str(folder))))
+    assert again.losses == kept.losses and again.files[again.document] == document.read_bytes()
+    model = thingc.compile(document).modes["source"].model()
+    assert [float(model.body_gravcomp[model.body(name).id]) for name in ("arm", "tip", "other")] == [0.4, 0.8, 0.0]
+    excluded = {frozenset(model.body(int(half)).name for half in divmod(int(pair), 1 << 16)) for pair in model.exclude_signature}
+    assert excluded >= {frozenset({"arm", "other"}), frozenset({"tip", "other"})}
+    assert model.sensor("seen").objid[0] == model.body("tip").id
+
+
+CHAIN = (
+    "<mujoco><worldbody>{}</worldbody><actuator>{}</actuator><sensor>{}</sensor></mujoco>",
+    "<body name='b{0}'><joint name='j{0}'/><geom size='.1'/><site name='b{0}/s'/></body>",
+    "<adhesion name='m{0}' body='b{0}' ctrlrange='0 1'/>", "<gyro name='g{0}' site='b{0}/s'/>",
+)
+PLATES = (
+    "<robot name='r'><link name='base'/>{}{}</robot>",
+    "<link name='b{0}'><inertial><mass value='1'/></inertial><visual><geometry><sphere radius='1'/></geometry></visual></link>",
+    "<joint name='j{0}' type='fixed'><parent link='base'/><child link='b{0}'/></joint>",
+)
+
+
+@pytest.mark.parametrize(("texts", "file"), [(CHAIN, "robot.xml"), (PLATES, "robot.urdf")])
+def test_time_for_naming_is_linear(tmp_path: Path, texts: tuple[str, ...], file: str) -> None:
+    """Each comparison of names without case calls `lower`. Comparing each name with all other names would call `lower` four times as often
+    for twice as many names."""
+    counts = []
+    for number in (40, 80):
+        whole, *elements = texts
+        (tmp_path / file).write_text(whole.format(*("".join(map(element.format, range(number))) for element in elements)))
+        calls: list[str] = []
+        sys.setprofile(lambda _, event, thing, calls=calls: calls.append("") if event == "c_call" and thing.__name__ == "lower" else None)
+        try:
+            import_robot(str(tmp_path / file), Report())
+        finally:
+            sys.setprofile(None)
+        counts.append(len(calls))
+    assert counts[0] > 40 and counts[1] < 2.2 * counts[0], counts

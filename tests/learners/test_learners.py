@@ -267,6 +267,30 @@ def test_isaac_lab_has_the_values_of_mujoco(written: dict[str, Written], stand_i
                 assert [*config.init_state.pos, w, x, y, z] == pytest.approx(data.qpos[:7].tolist())
 
 
+SCENE = DOG.replace("joints:\n", "joints:\n  loose: {type: free, parent: ball.origin, child: trunk.origin}\n", 1).replace(
+    "components:\n", "components:\n  ball: {frame: true, mass: 1 kg, inertia: {ixx: 0.1 kg*m^2, iyy: 0.1 kg*m^2, izz: 0.1 kg*m^2}}\n",
+).replace("poses: {", "poses: {jump: {loose: {xyz: 300 0 50 mm, rpy: 0 90 0 deg}, hip_l: 20 deg}, ").partition("modes:")[0] + """modes:
+  thrown: {root: ball, base: free, at: {xyz: 1 2 0.5 m, rpy: 0 0 90 deg}, pose: jump}
+  laid: {root: ball, base: fixed, at: {xyz: 1 2 0.5 m}, pose: jump}
+  caught: {root: trunk, base: fixed, at: {xyz: 0 0 1 m}}
+"""
+
+
+def test_isaac_lab_places_the_articulation_if_the_root_is_an_object(tmp_path: Path, shared_store: str, stand_ins: None) -> None:
+    robot = Written(tmp_path, shared_store, {"robot.yaml": SCENE})
+    for mode in ("thrown", "laid"):
+        state = robot.module("isaaclab", mode).DOG_CFG.init_state
+        model, data = robot.started(mode)
+        mujoco.mj_forward(model, data)
+        x, y, z, w = state.rot
+        assert state.pos == pytest.approx(data.body("trunk").xpos.tolist())
+        assert [w, x, y, z] == pytest.approx(data.body("trunk").xquat.tolist())
+        robot.usd(mode)
+        roots = [prim.GetName() for prim in robot.stage.Traverse() if prim.HasAPI(UsdPhysics.ArticulationRootAPI)]
+        assert roots == ["trunk"]
+    assert not hasattr(robot.module("isaaclab", "caught").DOG_CFG.init_state, "pos")
+
+
 def test_mjlab_has_the_values_of_mujoco(written: dict[str, Written], stand_ins: None) -> None:
     for robot in written.values():
         for mode in robot.modes:

@@ -339,3 +339,36 @@ def test_missing_and_outdated_lock_files_are_reported(cart: Path) -> None:
     assert [one[0] for one in said(cart)[1]] == ["TC340"]
     lock.write_text(text[:-1])
     assert said(cart)[1][0][0] == "TC342"
+
+
+ROD = """\
+thingc: assembly/1
+name: rod
+components:
+  one: {frame: true, mass: 1 kg, mounts: {hinge: {}}}
+  two: {frame: true, mass: 2 kg, SECOND at: {in: one.origin, xyz: 0 0 100 mm}}
+mounts: {hinge: one.hinge}
+"""
+HOLDER = """\
+thingc: assembly/1
+name: holder
+components:
+  base: {link: true, mass: 10 kg, shapes: [{box: 300 200 100 mm}]}
+  rod: {assembly: rod.yaml, as: lump, PLACE}
+modes: {bench: {root: base}}
+JOINT
+"""
+HINGE = "joints: {hinge: {type: continuous, parent: base.origin, child: rod.hinge, axis: [0, 1, 0]}}"
+INERTIA = "inertia: {ixx: 1e-4 kg*m^2, iyy: 1e-4 kg*m^2, izz: 1e-4 kg*m^2},"
+
+
+@pytest.mark.parametrize(("place", "joint", "second", "fault"), [
+    ("parameters: {}", HINGE, "", True), ("parameters: {}", HINGE, INERTIA, False), ("attach: {hinge: base.origin}", "", "", False),
+])
+def test_point_masses_on_a_line_need_an_inertia_only_if_they_move(tmp_path: Path, place: str, joint: str, second: str, fault: bool) -> None:
+    documents = {"holder.yaml": HOLDER.replace("PLACE", place).replace("JOINT", joint), "rod.yaml": ROD.replace("SECOND", second)}
+    said = [one for one in compiled(tmp_path, documents).said if one[0] != "TC522"]
+    help = "add a mass to a component with geometry, or add `inertia:` to a component of the lump `rod`"
+    moments = "the principal moments (0, 0.00666667, 0.00666667 kg m^2) are not all positive"
+    message = f"the inertia of the moving link `rod/one` is not physical: {moments}"
+    assert [one[:3] for one in said] == ([("TC506", message, help)] if fault else [])

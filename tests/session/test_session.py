@@ -279,3 +279,18 @@ def test_session_reads_documents_once(rig: Path, shared_store: str, tmp_path: Pa
         shutil.copytree(rig.parent, copy, ignore=shutil.ignore_patterns("copy"))
         rig.write_text("thingc: assembly/1\nname: other\n")
         assert outcome(session.environment, session.compile(Settings()), TARGETS)[1] == first[1]
+
+
+def test_chosen_documents_determine_the_suppressed_warnings(tmp_path: Path, shared_store: str) -> None:
+    tool = "thingc: assembly/1\nname: tool\ncomponents: {tip: {frame: true}}\nallow: {TC522: %s}\n"
+    robot = "thingc: assembly/1\nname: robot\ncomponents: {base: {frame: true}, tool: {assembly: one.yaml, at: {in: base.origin}}}\n"
+    documents = {"one.yaml": tool % "one", "two.yaml": tool % "two", "robot.yaml": robot}
+    for name, text in {"thingc.toml": 'thingc = "workspace/1"\n', **documents}.items():
+        (tmp_path / name).write_text(text)
+    with Environment(str(tmp_path / "robot.yaml"), Options(store=shared_store)) as environment:
+        sources = pipeline.read(environment)
+        assert sources is not None
+        for choices, expected in (({}, {"one"}), ({"components.tool.assembly": "two.yaml"}, {"one", "two"})):
+            report = Report()
+            pipeline.choose(environment, sources, choices, report, None)
+            assert {allowance.reason for allowance in report.allowances} == expected

@@ -105,6 +105,8 @@ GOOD = {"thingc": "assembly/1", "name": "x", "components": {"p": {"part": "a:B"}
     {"components": {"p": {"part": "a:B", "mass": 5}}}, {"components": {"p": {"part": "a:B", "mass": "5"}}}, {"description": None},
     {"components": {"p": {"part": "a:B", "mass": {"value": "5 g"}}}}, {"components": {"p": {"part": "a:B", "collision": "hul"}}},
     {"joints": {"j": {"type": "revolute", "parent": "a.b"}}}, {"modes": {"b": {"at": {"xyz": ["0 mm", 0]}}}},
+    {"components": {"p": {"link": True, "collision": {"modes": {"b": "hull"}}}}},
+    {"components": {"p": {"link": True, "collision": {"targets": {"mjcf": {"decompose": {}}}}}}},
     {"components": {"p": {"part": "a:B", "com": [1, 2, 3]}}}, {"modes": {"b": {"contacts": {"exclude": [["a"]]}}}},
 ])
 def test_schema_rejects_invalid_documents(change: dict[str, Any]) -> None:
@@ -118,6 +120,7 @@ def test_schema_accepts_valid_documents() -> None:
     validator = jsonschema.Draft202012Validator(schema_of("assembly"))
     for change in (
         {"$schema": "../schemas/assembly-1.json"},
+        {"components": {"p": {"link": True, "collision": {"modes": {"b": "none", "c": {"shapes": [{"box": "1 1 1 mm"}]}}}}}},
         {"parameters": {"a": "5 mm", "b": {"value": 3, "min": 0}, "c": True, "d": "=a"}},
         {"materials": {"m": {"density": "5 kg/m^3"}}}, {"modes": {"b": {"gravity": "0 0 -9.81 m/s^2"}}},
         {"modes": {"b": {"gravity": "wall"}}},

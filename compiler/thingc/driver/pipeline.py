@@ -257,19 +257,20 @@ def settings_of(options: Options) -> Settings:
 def choose(environment: Environment, sources: Sources, choices: Mapping[str, str], report: Report, memo: Memo | None) -> Sources:
     """Load the documents and part schemas that the choices of the user reference, and return them together with `sources`.
 
-    Errors in these documents and parts are added to the report. `memo` is a cache for the current contents of the documents.
+    Errors in these documents and parts are added to the report, which then suppresses the warnings that the documents allow. `memo` is a
+    cache for the current contents of the documents.
     """
-    if not choices:
-        return sources
-    from thingc.model.resolve.choices import chosen_texts
+    if choices:
+        from thingc.model.resolve.choices import chosen_texts
 
-    assemblies, parts = chosen_texts(choices, "assembly"), chosen_texts(choices, "part")
-    key = ("choices", frozenset(assemblies), frozenset(parts))
-    extended, faults = (memo or Memo())(key, lambda: _load_more(environment, sources, assemblies, parts))
-    for fault in faults.diagnostics:  # errors without a place in a document are reported at the choice
-        code, path = (fault.code, fault.path) if fault.span is not None else (Code.CHOICE_OPTION, "--set")
-        report.add(code, fault.message, fault.span, help=fault.help, path=path, notes=fault.notes, severity=fault.severity)
-    return extended
+        assemblies, parts = chosen_texts(choices, "assembly"), chosen_texts(choices, "part")
+        key = ("choices", frozenset(assemblies), frozenset(parts))
+        sources, faults = (memo or Memo())(key, partial(_load_more, environment, sources, assemblies, parts))
+        for fault in faults.diagnostics:  # errors without a place in a document are reported at the choice
+            code, path = (fault.code, fault.path) if fault.span is not None else (Code.CHOICE_OPTION, "--set")
+            report.add(code, fault.message, fault.span, help=fault.help, path=path, notes=fault.notes, severity=fault.severity)
+    report.allowances = sources.specs.allowances
+    return sources
 
 
 def _load_more(environment: Environment, loaded: Sources, assemblies: Sequence[str], parts: Sequence[str]) -> tuple[Sources, Report]:
@@ -295,7 +296,6 @@ def model(environment: Environment, sources: Sources, settings: Settings, report
     from thingc.model.resolve.resolver import resolve
 
     chosen = choose(environment, sources, settings.choices, report, environment.memo)
-    report.allowances = chosen.specs.allowances
     return resolve(chosen, settings, report, environment.memo)
 
 
@@ -323,7 +323,6 @@ def _run_passes(
     parts = environment.parts
     sources = choose(environment, loaded, settings.choices, report, document_memo)
     documents = sources.documents
-    report.allowances = sources.specs.allowances
     _report_hidden(environment, sources, report)
     compilation = Compilation(settings=settings, report=report, documents=documents, schemas=sources.schemas)
     if documents.root.kind == "materials":

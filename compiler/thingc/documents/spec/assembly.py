@@ -173,6 +173,7 @@ PART_KEYS = ("visual", "process", "print")
 
 def _component_rules(schema: dict[str, Any]) -> None:
     """Add the cross-field rules of `ComponentSpec` to its schema, so that editors can check them."""
+    none_or_shapes = {"anyOf": [{"const": "none"}, {"type": "object", "required": ["shapes"]}]}
     schema["oneOf"] = [{"required": [kind]} for kind in KINDS]
     schema["not"] = {"required": ["attach", "at"]}
     schema["dependentSchemas"] = {
@@ -185,7 +186,10 @@ def _component_rules(schema: dict[str, Any]) -> None:
         **{key: {"not": {"required": ["link"]}} for key in PART_KEYS},
         "collision": {
             "if": {"required": ["link"]},
-            "then": {"properties": {"collision": {"type": "object", "properties": dict.fromkeys(("kind", "shapes", "decompose"), False)}}},
+            "then": {"properties": {"collision": {"type": "object", "properties": {
+                **dict.fromkeys(("kind", "shapes", "decompose"), False),
+                **dict.fromkeys(("targets", "modes"), {"additionalProperties": none_or_shapes}),
+            }}}},
         },
         "keep": {"anyOf": [{"properties": {"keep": {"const": False}}}, {"required": ["attach"]}, {"required": ["at"]}]},
         "mirror": {"not": {"required": ["frame"]}},

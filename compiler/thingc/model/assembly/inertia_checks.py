@@ -28,7 +28,7 @@ def check_stated(robot: Connected, findings: LinkReport) -> list[int]:
     faulty = []
     for index, one in enumerate(robot.occurrences):
         stated = one.overrides.inertia
-        if stated is None:
+        if stated is None or stated.computed:
             continue
         inertia = stated_inertia(stated.value)
         fault = physical_fault(inertia)
@@ -57,10 +57,9 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
     modes, link_of = robot.modes, robot.link_of
     groups = rigid_groups(len(robot.links), link_of, robot.mates)
     still = [groups[link_of[mode.root.occurrence]] if stays(mode.base) else () for mode in modes]
-    common = set.intersection(*map(set, still)) if still else set()
     skip = {link_of[occurrence] for occurrence in faulty}
     for link in robot.links:
-        if link.index in skip or link.index in common or not modes or not reported.isdisjoint(link.origin[:1]):
+        if link.index in skip or not reported.isdisjoint(link.origin[:1]):
             continue
         heaviest = max((robot.links[one] for one in groups[link.index]), key=lambda one: one.properties.mass)
         if heaviest is not link and link.properties.inertia == ZERO:
@@ -80,7 +79,9 @@ def check_links(robot: Connected, faulty: Collection[int], findings: LinkReport)
         notes = [Note(message=f"the link contains {named} and moves in mode `{mode}`")]
         if fault is not None:
             code, message = Code.NOT_PHYSICAL, f"the inertia of the moving link `{link.name}` is not physical: {fault}"
-            help = "add a mass to a component with geometry, or add `inertia:` to a component of the link"
+            lumps = [one.path.rpartition("/")[0] for one in members if (inertia := one.overrides.inertia) is not None and inertia.computed]
+            owner = f"the lump `{lumps[0]}`" if lumps else "the link"
+            help = f"add a mass to a component with geometry, or add `inertia:` to a component of {owner}"
         elif mass > 0.0:
             main = max(members, key=lambda one: one.properties.mass)
             code, message, help = Code.TOO_LIGHT, f"the moving link `{link.name}` is too light for MuJoCo: {light}", _cause(main)

@@ -7,21 +7,16 @@ from collections.abc import Collection, Iterator, Sequence
 from msgspec.structs import asdict, replace
 
 from thingc.base.diagnostics import Code, make_notes
-from thingc.base.numeric import hypot, isfinite, maximum
+from thingc.base.numeric import hypot, isfinite
 from thingc.base.source import Origin
 from thingc.base.suggestions import did_you_mean
 from thingc.model.assembly.instance_tree import Instance, Tree
 from thingc.model.assembly.kinematics import balls, coordinates
 from thingc.model.assembly.report import LinkReport
 from thingc.model.assembly.types import Adhesion, ExportedMount, Foot, JointEdge, LinkedMode, LinkedMount, Occurrence
+from thingc.model.resolve.coordinates import Limit
 from thingc.model.resolve.raw_protected import NAMING
 from thingc.model.resolve.types import ContactGroup, ContactPair, Hold, Mode, ModeSettings, NamedPose, RawAttribute, RawElement, Reference
-
-_ROUNDING = 1e-9
-"""Relative tolerance for joint positions at the limits of joints. The tolerance is needed because positions and limits can be results of
-expressions.
-"""
-
 
 SLIDE = 1.0
 """Default sliding friction of MuJoCo. For a contact of two surfaces, MuJoCo uses the larger friction.
@@ -230,7 +225,7 @@ def _check_cone(pose: NamedPose, ball: tuple[JointEdge, ...], findings: LinkRepo
     """
     joint, cone = ball[0], ball[0].limit.cone
     angle = hypot(*(pose.values.get(joint_of_ball.path, 0.0) for joint_of_ball in ball))
-    if cone is not None and angle > cone * (1.0 + _ROUNDING):
+    if cone is not None and not Limit(upper=cone).contains(angle):
         name = joint.name.joint
         findings.error(
             Code.POSE_LIMITS, f"the rotation of `{name}` in pose `{pose.name}` ({joint.twist.format(angle)}) exceeds its cone limit "
@@ -240,21 +235,14 @@ def _check_cone(pose: NamedPose, ball: tuple[JointEdge, ...], findings: LinkRepo
 
 
 def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkReport) -> None:
-    twist, lower, upper = joint.twist, joint.limit.lower, joint.limit.upper
     if not isfinite(q):
         findings.error(
             Code.POSE_LIMITS, f"the value of `{joint.name}` in pose `{pose.name}` is not finite", pose.origin, path=pose.name,
             help="write a smaller value", notes=make_notes(f"`{joint.name}` mimics another joint here", joint.origin),
         )
         return
-    below = lower is not None and q < lower - _ROUNDING * maximum(1.0, abs(lower))
-    above = upper is not None and q > upper + _ROUNDING * maximum(1.0, abs(upper))
-    if not below and not above:
+    if joint.limit.contains(q):
         return
-    if lower is not None and upper is not None:
-        limits = f"{twist.format(lower)} to {twist.format(upper)}"
-    else:
-        limits = f"at least {twist.format(lower)}" if lower is not None else f"at most {twist.format(upper or 0.0)}"
     origin, help = pose.origin, f"set `{joint.name}` in the pose"
     if joint.path in pose.values:
         origin = pose.origins.get(joint.path, origin)
@@ -263,8 +251,8 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: LinkRepo
         origin = pose.origins.get(joint.mimic.joint.path, origin)
         help = f"change `{joint.mimic.joint}`, which `{joint.name}` mimics, or widen the limits"
     findings.error(
-        Code.POSE_LIMITS, f"the value of `{joint.name}` in pose `{pose.name}` ({twist.format(q)}) is outside its limits ({limits})",
-        origin, path=pose.name, help=help,
+        Code.POSE_LIMITS, f"the value of `{joint.name}` in pose `{pose.name}` ({joint.twist.format(q)}) is outside its limits "
+        f"({joint.limit.format(joint.twist)})", origin, path=pose.name, help=help,
         notes=make_notes(f"`{joint.name}` is defined here", joint.origin),
     )
 

@@ -11,6 +11,7 @@ from itertools import combinations
 
 from thingc.base.diagnostics import Code, Note, make_notes
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.inertia import MassProperties, total
 from thingc.base.joints.twist import Twist
 from thingc.base.numeric import dist, hypot, maximum, minimum, pi, radians, sqrt, sum_of, tau
 from thingc.base.pose import NO_POSE, Mirror, Pose, Vector, multiply, transpose
@@ -81,6 +82,8 @@ DRAG = 0.5
 """
 SLOW = 0.05
 """Smallest plausible top speed of a joint with damping, relative to the no-load speed of its drive."""
+ROTOR = 1e3
+"""Largest plausible armature of a joint, relative to the inertia of the robot, or for a slide to its mass."""
 SPREAD, COMPACT = 3.0, 200.0
 """Plausible range for the radius of gyration: from the diagonal of the part divided by `COMPACT` to the diagonal times `SPREAD`."""
 BURDEN = 10.0
@@ -94,10 +97,15 @@ def check_plausible(tree: Tree, assembly: Assembly) -> None:
         return
     occurrences, mates, links, modes = assembly.occurrences, assembly.mates, assembly.links, assembly.modes
     edges, mass = {joint.path: joint for mate in mates for joint in mate.joints}, sum_of(link.properties.mass for link in links)
+    rotors = any(edge.dynamics.armature for edge in edges.values())
+    robot = total(link.properties.seen_from(assembly.rest[link.frame]) for link in (links if rotors else ()))
     for instance, definition in tree.assemblies:
         for joint in definition.joints:
+            edge = edges.get(instance.within(joint.path))
             _check_limits(instance, joint, tree.findings)
-            _check_drive(instance, joint, edges.get(instance.within(joint.path)), tree.findings)
+            if edge is not None:
+                _check_drive(instance, joint, edge, tree.findings)
+                _check_armature(instance, joint, edge, robot, tree.findings)
     _check_materials(tree, occurrences)
     check_processes(tree, occurrences)
     _check_stated(occurrences, tree.findings)
@@ -160,7 +168,8 @@ def _stated_doubt(occurrence: Occurrence) -> tuple[StatedValue | None, str, str]
     If a value is implausible, return the value (None if the Thing specifies it), the message and the help text. Otherwise, return None.
     """
     mass = occurrence.properties.mass
-    if occurrence.box is None or not occurrence.exact or mass <= 0.0:
+    stated = occurrence.overrides.inertia
+    if occurrence.box is None or not occurrence.exact or mass <= 0.0 or stated is not None and stated.computed:
         return None
     (low, high), centre, inertia = occurrence.box, occurrence.properties.centre, occurrence.properties.inertia
     size = dist(low, high)
@@ -173,7 +182,7 @@ def _stated_doubt(occurrence: Occurrence) -> tuple[StatedValue | None, str, str]
     radius = sqrt(maximum(inertia[0][0] + inertia[1][1] + inertia[2][2], 0.0) / (2.0 * mass))
     if not size / COMPACT <= radius <= SPREAD * size:
         message = f"the inertia of `{occurrence.component.name}` has a radius of gyration of {length_words(radius, 3)} {across}"
-        return occurrence.overrides.inertia, message, "check the unit: 1 kg*m^2 is 1e6 kg*mm^2, or 1e9 g*mm^2"
+        return stated, message, "check the unit: 1 kg*m^2 is 1e6 kg*mm^2, or 1e9 g*mm^2"
     return None
 
 
@@ -216,28 +225,28 @@ def _check_limits(instance: Instance, joint: Joint, findings: LinkReport) -> Non
     if twist is None or not twist.turns:
         return
     ends = {key: value for key, value in (("lower", joint.limit.lower), ("upper", joint.limit.upper)) if value is not None}
-    path, origin = instance.within(joint.path), joint.origin + instance.origin
     wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * pi and not twist.pitch]  # screws may turn many times
     for key in wide:
         text, number, unit = _written_value(joint, key)
         cure = f"write `{number} deg`" if unit == "rad" and abs(float(number)) <= 360.0 * TURNS else "remove a digit"
-        findings.warn(
-            Code.LIMIT_TURNS, f"`limit.{key}` of joint `{joint.name}` is {times_words(abs(ends[key]) / (2.0 * pi))} turns (`{text}`)",
-            joint.origin_of(f"limit.{key}", origin), path=path, notes=_joint_note(joint, f"limit.{key}"),
-            help=f"{cure}, or use `type: continuous` for a joint without limits",
-        )
+        found = f"`limit.{key}` of joint `{joint.name}` is {times_words(abs(ends[key]) / (2.0 * pi))} turns (`{text}`)"
+        help = f"{cure}, or use `type: continuous` for a joint without limits"
+        _warn_of_joint(Code.LIMIT_TURNS, found, instance, joint, f"limit.{key}", findings, help=help)
     if wide or len(ends) < 2 or not all(ends.values()):
         return
     (lower, _, low_unit), (upper, _, high_unit) = _written_value(joint, "lower"), _written_value(joint, "upper")
-    by_option = any(joint.origin_of(f"limit.{key}", origin)[0].option for key in ends)  # a command-line option may set only one limit
+    by_option = any(key in joint.spans and joint.spans[key].option for key in ("limit.lower", "limit.upper"))  # may set only one limit
     if {low_unit, high_unit} == {"rad", "deg"} and not by_option:
         key, value = ("upper", upper) if high_unit == "rad" else ("lower", lower)
-        findings.warn(
-            Code.LIMIT_UNITS,
-            f"the limits of joint `{joint.name}` have different units (`{lower}` and `{upper}`)",
-            joint.origin_of(f"limit.{key}", origin), path=path, notes=_joint_note(joint, f"limit.{key}"),
-            help=f"write `{twist.format(ends[key])}` instead of `{value}`",
-        )
+        found = f"the limits of joint `{joint.name}` have different units (`{lower}` and `{upper}`)"
+        help = f"write `{twist.format(ends[key])}` instead of `{value}`"
+        _warn_of_joint(Code.LIMIT_UNITS, found, instance, joint, f"limit.{key}", findings, help=help)
+
+
+def _warn_of_joint(code: Code, found: str, instance: Instance, joint: Joint, key: str, findings: LinkReport, *, help: str) -> None:
+    """Warn of a value of a joint, such as `limit.lower`, at the location of the value."""
+    origin, path = joint.origin_of(key, joint.origin + instance.origin), instance.within(joint.path)
+    findings.warn(code, found, origin, path=path, notes=_joint_note(joint, key), help=help)
 
 
 def _written_value(joint: Joint, key: str) -> tuple[str, str, str]:
@@ -257,9 +266,21 @@ def _joint_note(joint: Joint, key: str) -> tuple[Note, ...]:
     return make_notes(f"joint `{joint.name}` is defined here", joint.origin)
 
 
-def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findings: LinkReport) -> None:
+def _check_armature(instance: Instance, joint: Joint, edge: JointEdge, robot: MassProperties, findings: LinkReport) -> None:
+    """Warn of an armature that is much larger than the inertia of the robot about its centre of mass, or for a slide than its mass."""
+    armature, what, own, unit = edge.dynamics.armature or 0.0, "mass", robot.mass, "kg"
+    if edge.turns:
+        what, own, unit = "inertia", maximum(robot.inertia[k][k] for k in range(3)), "kg*m^2"
+    if armature > ROTOR * own > 0.0:
+        compared = f"({armature:.4g} {unit}) is {times_words(armature / own)} times the {what} of the robot ({own:.4g} {unit})"
+        help = "check the unit and the ratio of the transmission"
+        found = f"the armature of joint `{joint.name}` {compared}"
+        _warn_of_joint(Code.STATED, found, instance, joint, "dynamics.armature", findings, help=help)
+
+
+def _check_drive(instance: Instance, joint: Joint, edge: JointEdge, findings: LinkReport) -> None:
     """Warn of friction or damping that is so large that the drive of the joint can hardly move the joint."""
-    if edge is None or edge.actuator is None or not edge.actuator.effort:
+    if edge.actuator is None or not edge.actuator.effort:
         return
     effort, fastest = edge.actuator.effort, edge.actuator.velocity
     force, speed = ("N*m", "rad/s") if edge.twist.turns else ("N", "m/s")
@@ -274,10 +295,7 @@ def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findi
         finding = f"the damping of joint `{joint.name}` limits its speed to {slowest:.3g} {speed} (no-load speed: {fastest:.3g} {speed})"
     else:
         return
-    findings.warn(
-        Code.STUCK, finding, joint.origin_of(key, joint.origin + instance.origin), path=edge.path,
-        notes=_joint_note(joint, key), help=f"check the unit (`m{force}`, `{force}`)",
-    )
+    _warn_of_joint(Code.STUCK, finding, instance, joint, key, findings, help=f"check the unit (`m{force}`, `{force}`)")
 
 
 # --- actuators and mounts ----------------------------------------------------------------------------------------------

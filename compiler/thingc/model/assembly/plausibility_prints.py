@@ -38,20 +38,13 @@ class _Doubt(FrozenStruct):
 
 def check_processes(tree: Tree, occurrences: Sequence[Occurrence]) -> None:
     """Warn of suspicious values in processes of components, of their materials, and of materials that no component uses."""
-    doubts_of: dict[int, Sequence[_Doubt]] = {}
-
-    def doubts(process: Process) -> Sequence[_Doubt]:
-        if id(process) not in doubts_of:
-            doubts_of[id(process)] = list(_doubts(process, process.origins))
-        return doubts_of[id(process)]
-
     used = set()
     for one in occurrences:
         material, own = one.material, one.overrides.process
         base = material.process if material is not None else None
         if base is not None and material is not None:
             used.add(material.process_origin)
-            for doubt in doubts(base):
+            for doubt in _doubts(base, base.origins):
                 _warn(doubt, base, (), one.path, make_notes(f"`{one.component.name}` is made of this material", one.origin), tree.findings)
         if own is not None:
             for doubt in _doubts(own.merge_over(base or Process()), own.origins):
@@ -62,7 +55,7 @@ def check_processes(tree: Tree, occurrences: Sequence[Occurrence]) -> None:
         for material in definition.materials.values():
             if material.process is not None and material.process_origin not in used:
                 notes = make_notes(f"no part of `{definition.name}` is made of this material", definition.origin)
-                for doubt in doubts(material.process):
+                for doubt in _doubts(material.process, material.process.origins):
                     _warn(doubt, material.process, instance.origin, instance.within(material.name), notes, tree.findings)
 
 

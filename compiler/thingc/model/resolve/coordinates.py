@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from thingc.base.joints.kinds import JointKind
+from thingc.base.joints.twist import Twist
 from thingc.base.numeric import inf, sum_of
 from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.pose import Vector
@@ -33,6 +34,10 @@ class Limit(OneLineStruct):
     def contains(self, q: float) -> bool:
         """Return whether a position [rad or m] is within the limits, except for rounding errors."""
         return (self.lower is None or q >= self.lower - 1e-9) and (self.upper is None or q <= self.upper + 1e-9)
+
+    def format(self, twist: Twist) -> str:
+        """Format the position limits of a joint with the given motion for display, such as `-90 deg to 90 deg`."""
+        return " to ".join("no limit" if end is None else twist.format(end) for end in (self.lower, self.upper))
 
 
 class Dynamics(OneLineStruct):

@@ -106,8 +106,8 @@ def _of_file(table: DocumentScope, rows: Sequence[Row], name: str, where: Span) 
             if column == TIME_COLUMN and (fault := _time_fault(own[-1], own[-2] if len(own) > 1 else None)) is not None:
                 raise _WrongCell(fault, span)
             if column != TIME_COLUMN and joint is not None and joint.twist is not None and not joint.limit.contains(own[-1]):
-                ends = " to ".join("no limit" if end is None else joint.twist.format(end) for end in (joint.limit.lower, joint.limit.upper))
-                found = f"the value of `{column}` ({joint.twist.format(own[-1])}) is outside its limits ({ends})"
+                limits = joint.limit.format(joint.twist)
+                found = f"the value of `{column}` ({joint.twist.format(own[-1])}) is outside its limits ({limits})"
                 raise _WrongCell(found, span, "change the number, or widen the limits")
     if len(rows) < 3:
         raise _WrongCell("a motion needs at least two rows with numbers", rows[0][0][1], "add rows below the names of the columns")

@@ -79,6 +79,11 @@ class _Reader:
             what, coordinate = f"`backlash` of {self.what}", joint.twist.coordinate
             play = self.scope.number(self.spec.backlash, (*self.path, "backlash"), coordinate, what, least=0.0)
             drive = replace(drive, gear=replace(drive.gear, backlash=play))
+            limit = joint.limit
+            if play is not None and limit.lower is not None and limit.upper is not None and play > limit.upper - limit.lower:
+                compared = f"({joint.twist.format(play)}) exceeds the range of joint `{joint.name}` ({limit.format(joint.twist)})"
+                message, origin = f"the backlash of {self.what} {compared}", self.scope.origin((*self.path, "backlash"))
+                self.scope.report.warn(Code.TRANSMISSION, message, origin, help="check the unit", allow=True)
         self.table.joints[joint.name] = replace(joint, drive=drive, geared=True)
 
     def differential(self, spec: DifferentialSpec) -> None:

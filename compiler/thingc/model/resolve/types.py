@@ -155,13 +155,15 @@ class StatedValue(OneLineStruct):
 
     The value is a mass [kg], a centre of mass [m], or an inertia ixx iyy izz ixy ixz iyz [kg m^2].
 
-    If `stand_in` is True, the document specifies an invalid value, which has been reported, and `value` is a placeholder.
+    If `stand_in` is True, the document specifies an invalid value, which has been reported, and `value` is a placeholder. If `computed` is
+    True, the document does not specify the value, which was computed from the parts of a lump.
     """
 
     value: tuple[float, ...]
     source: str
     origin: Origin
     stand_in: bool = False
+    computed: bool = False
 
 
 class ExtraMount(MountRecord):

@@ -77,7 +77,7 @@ def _lump(
     estimated = any(one.mass_source == "estimated" for one in assembly.occurrences)
 
     def value_of(*numbers: float) -> StatedValue:
-        return StatedValue(value=numbers, source="estimated" if estimated else "derived", origin=component.origin)
+        return StatedValue(value=numbers, source="estimated" if estimated else "derived", origin=component.origin, computed=True)
 
     mounts = {}
     for exported in assembly.exported:

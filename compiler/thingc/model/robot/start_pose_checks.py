@@ -142,10 +142,9 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
     for paths, group in _group(robots, Code.START_LIMITS, report, _outside_limits).items():
         first, *more = (joint for body in group[0].bodies for joint in body.joints if joint.path in paths)
         q = group[0].start.q[first.path]
-        ends = [first.twist.format(end) for end in (first.limit.lower, first.limit.upper) if end is not None]
         _warn(
             group, Code.START_LIMITS,
-            f"starts with `{first.path}` at {first.twist.format(q) if q else 0}, outside its limits ({' to '.join(ends)})",
+            f"starts with `{first.path}` at {first.twist.format(q) if q else 0}, outside its limits ({first.limit.format(first.twist)})",
             first.path, first.origin, report, more=[joint.path for joint in more[:3]],
             help=f"add a `pose` with a value for `{first.name if first.mimic is None else first.mimic.joint}` to the mode",
         )

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping, Sequence
-from importlib import resources
+from collections.abc import Iterable
 
 from thingc.base.generated_header import heading
 from thingc.base.package_info import PackageInfo
@@ -18,10 +16,11 @@ from thingc.targets.name_mangling import package_name, safe
 from thingc.targets.request import EmitRequest
 from thingc.targets.ros.capabilities import CAPABILITIES
 from thingc.targets.ros.collision_matrix import CollisionMatrix, adjacent, collision_matrix
-from thingc.targets.ros.control import BROADCASTER, Controller, controllers, controllers_yaml, ros2_control
+from thingc.targets.ros.control import controllers, controllers_yaml, ros2_control
 from thingc.targets.ros.joints import values
+from thingc.targets.ros.rviz import launch_file, rviz_config
 from thingc.targets.ros.srdf import srdf
-from thingc.targets.urdf.links import MESHES, WORLD, model
+from thingc.targets.urdf.links import MESHES, model
 from thingc.targets.urdf.transmissions import transmission_losses
 from thingc.targets.xml_writer import Element, write
 
@@ -66,8 +65,8 @@ def emit(request: EmitRequest) -> Artifacts:
         files[f"urdf/{file}.urdf"] = write(tree, mode_comment).text.encode()
     mode_controllers = controllers(robots)
     files["config/controllers.yaml"] = f"# {comment}\n{controllers_yaml(mode_controllers)}".encode()
-    files["config/display.rviz"] = _rviz_config(_fixed_frame(robots[0]), comment).encode()
-    files["launch/display.launch.py"] = _launch_file(robots, mode_controllers, comment).encode()
+    files["config/display.rviz"] = rviz_config(robots[0], comment).encode()
+    files["launch/display.launch.py"] = launch_file(robots, mode_controllers, comment).encode()
     files["CMakeLists.txt"] = cmake_lists(assembly.name, {path.partition("/")[0] for path in files}, comment).encode()
     description = " ".join(assembly.definition.description.split()) or f"The robot {assembly.name}."
     files["package.xml"] = package_xml(
@@ -127,49 +126,4 @@ find_package(ament_cmake REQUIRED)
 install(DIRECTORY {" ".join(sorted(folders))} DESTINATION share/${{PROJECT_NAME}})
 
 ament_package()
-"""
-
-
-def _fixed_frame(robot: Robot) -> str:
-    """Return the fixed frame of RViz for a mode. The fixed frame is the root link of the URDF."""
-    return safe(robot.assembly.links[robot.bodies[0].link].name) if robot.base == "free" else WORLD
-
-
-def _launch_file(robots: Sequence[Robot], by_mode: Mapping[str, Sequence[Controller]], heading: str) -> str:
-    """Return the text of `display.launch.py`, the Python launch file for `ros2 launch`."""
-    modes = "".join(_launch_entry(robot, [controller.name for controller in by_mode[robot.mode.name]]) for robot in robots)
-    name = robots[0].assembly.name
-    return _fill("display.launch", HEADING=heading, PACKAGE=package_name(name), ROBOT=name, MODES=modes, BROADCASTER=BROADCASTER)
-
-
-def _rviz_config(frame: str, heading: str) -> str:
-    """Return the text of `display.rviz`, an RViz configuration that shows the robot on a grid, with its frames.
-
-    The fixed frame is `frame`, unless RViz is started with the option `-f`.
-    """
-    return _fill("display.rviz", HEADING=heading, FRAME=frame)
-
-
-def _fill(file: str, **words: str) -> str:
-    """Return the text of a template file in which each `@WORD@` is replaced.
-
-    All words are replaced in one pass, because the inserted strings may also contain such words.
-    """
-    template = (resources.files("thingc.targets.ros") / f"{file}.template").read_text(encoding="utf-8")
-    return re.sub("@([A-Z]+)@", lambda word: words[word[1]], template)
-
-
-def _launch_entry(robot: Robot, names: list[str]) -> str:
-    """Return the entry of a mode in the launch file. The entry contains the fixed frame, the start values of joints [rad or m], and the
-    controllers.
-    """
-    joints = "".join(f'            "{name}": {value + 0.0},\n' for name, value in values(robot, robot.start.q).items())
-    start_values = f"{{\n{joints}        }}" if joints else "{}"
-    quoted_names = ", ".join(f'"{name}"' for name in names)
-    return f"""\
-    "{robot.mode.name}": {{
-        "frame": "{_fixed_frame(robot)}",
-        "start": {start_values},
-        "controllers": [{quoted_names}],
-    }},
 """

@@ -75,6 +75,14 @@ def model(robot: Robot, geometry: Geometry, meshes: dict[str, str], report: Repo
     return _Builder(robot, geometry, meshes, report).build()
 
 
+def articulation_roots(robot: Robot) -> list[int]:
+    """Return the indices of the bodies that are roots of articulations: the bodies that other bodies are attached to, directly or by other
+    bodies, but not by free joints. If there are no such bodies, the root of the mode is an articulation.
+    """
+    carriers = {robot.carriers[index] for index, body in enumerate(robot.bodies) if body.parent is not None and not body.free}
+    return sorted(carriers or {0})
+
+
 class _Builder:
     def __init__(self, robot: Robot, geometry: Geometry, meshes: dict[str, str], report: Report) -> None:
         self.robot = robot
@@ -108,10 +116,7 @@ class _Builder:
         self._materials()
         poses = placed_bodies(robot.bodies, {joint.path: 0.0 for body in robot.bodies for joint in body.joints}, robot.bodies[0].X_PL)
         sites, connected = frames(robot), [*connections(robot, CAPABILITIES["loops"])]
-        base_of, jointed = list(range(len(names))), [(one.parent, one.child) for one in connected if one.in_tree and one.parent is not None]
-        for parent, child in jointed:  # free joints are not part of an articulation
-            base_of[child] = base_of[parent]
-        articulations = {base_of[child] for _, child in jointed} or {0}
+        articulations = articulation_roots(robot)
         for index, (name, pose) in enumerate(zip(names, poses, strict=True)):
             prim = self._body(name, links[index].properties, pose)
             if index in articulations:

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from thingc.base.diagnostics import Code, shown_path
+from thingc.base.diagnostics import Code, Report, shown_path
 from thingc.base.filesystem import write_whole
 from thingc.base.suggestions import did_you_mean
 from thingc.base.units import ANGLE, LENGTH, UnitError, check_dimension, parse_quantity
@@ -99,7 +99,7 @@ def _render(arguments: argparse.Namespace, environment: Environment, compilation
     robot = compilation.robots[0]
     pose = _pose(robot, arguments.pose, environment.document)
     if arguments.position:
-        robot, pose = _robot_at(assembly, robot, pose, arguments.position), MOVED
+        robot, pose = _robot_at(assembly, robot, pose, arguments.position, compilation.report), MOVED
     marks = _marks(robot, arguments, next((frame.q for frame in robot.keyframes if frame.name == pose), {}))
     named = "_".join(word for word in (robot.name, robot.mode.name, pose) if word is not None)
     shot = Shot(size=arguments.size, azimuth=arguments.azimuth, elevation=arguments.elevation)
@@ -171,8 +171,10 @@ def _pose(robot: Robot, requested: str | None, document: str) -> str | None:
     return requested
 
 
-def _robot_at(assembly: Assembly, robot: Robot, pose: str | None, settings: Sequence[str]) -> Robot:
+def _robot_at(assembly: Assembly, robot: Robot, pose: str | None, settings: Sequence[str], report: Report) -> Robot:
     """Return a robot with the keyframe `MOVED`: the keyframe `pose`, with other positions of some joints, and with closed loops.
+
+    Positions outside the limits of joints are warnings.
 
     Raises `WrongCommandLine` for an invalid position, and `UnknownChoice` for an unknown joint.
     """
@@ -193,6 +195,12 @@ def _robot_at(assembly: Assembly, robot: Robot, pose: str | None, settings: Sequ
     moved = pose_robot(assembly, robot.mode, [replace(named, name=MOVED, values={**named.values, **values})])
     if moved is None or not moved.keyframes:
         raise UnknownChoice(f"the loops of mode `{robot.mode.name}` do not close in this position", "change the position of another joint")
+    for joint in joints.values():
+        q = moved.keyframes[0].q[joint.path]
+        if not joint.limit.contains(q):
+            found = f"({joint.twist.format(q)}) is outside its limits ({joint.limit.format(joint.twist)})"
+            message = f"the position of joint `{joint.name}` in the picture {found}"
+            report.warn(Code.POSE_LIMITS, message, joint.origin, help="choose a position within the limits, or widen the limits")
     return moved
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from functools import cached_property
+from collections import Counter, defaultdict
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence, Set
+from functools import cached_property, partial
+from itertools import count
 
 from thingc.base.export_names import TAKEN, is_file_name
+from thingc.base.grouping import group_by
 from thingc.base.pose import Pose
 from thingc.base.source import Path, Span
 from thingc.documents.load.yaml_scalars import core_value
@@ -34,30 +36,48 @@ def plain_name(name: str, kind: str) -> str:
     return f"{plain}_{kind}" if plain.lower() in RESERVED or not isinstance(core_value(plain), str) else plain
 
 
-def distinct(names: Iterable[str], kind: str, reserved: Iterable[str] = (), earlier: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Map each name in `names` to a unique document name that is not in `reserved`. Names that differ only in case count as equal.
+class UsedNames:
+    """The document names that are in use, and the names in the set `enclosing`. Names that differ only in case count as equal.
 
-    A name in the mapping `earlier`, from an earlier import, keeps its document name. A valid name does not change, and has precedence over
-    an equal name that results from a conversion.
+    A further name takes constant time, because robots can have thousands of elements.
     """
-    used, unique_names = {one.lower() for one in reserved}, list(dict.fromkeys(names))
-    document_names: dict[str, str] = {}
-    for name in unique_names:
-        candidate = (earlier or {}).get(name)
-        if candidate is not None and candidate.lower() not in used and plain_name(candidate, kind) == candidate:
-            document_names[name] = candidate
-            used.add(candidate.lower())
-    for name in sorted(unique_names, key=lambda name: plain_name(name, kind) != name):
-        if name in document_names:
-            continue
+
+    def __init__(self, names: Iterable[str] = (), enclosing: Container[str] = ()) -> None:
+        self._lower, self._enclosing = {name.lower() for name in names}, enclosing
+        self._numbers: defaultdict[str, Iterator[int]] = defaultdict(partial(count, 2))
+
+    def __contains__(self, name: object) -> bool:
+        return str(name).lower() in self._lower or name in self._enclosing
+
+    def add(self, name: str) -> None:
+        """Add a name that is in use."""
+        self._lower.add(name.lower())
+
+    def take(self, name: str, kind: str) -> str:
+        """Convert a name to a valid document name that is not in use, and add this name."""
         plain = plain_name(name, kind)
-        number, candidate = 1, plain
-        while candidate.lower() in used:
-            number += 1
-            candidate = f"{plain}_{number}"
-        used.add(candidate.lower())
-        document_names[name] = candidate
-    return {name: document_names[name] for name in unique_names}
+        candidate = plain
+        while candidate in self:
+            candidate = f"{plain}_{next(self._numbers[plain])}"
+        self.add(candidate)
+        return candidate
+
+    def take_all(self, names: Iterable[str], kind: str, earlier: Mapping[str, str] | None = None) -> dict[str, str]:
+        """Map each of the names to a document name that is not in use, and add these names.
+
+        A name in the mapping `earlier`, from an earlier import, keeps its document name. A valid name does not change, and has precedence
+        over an equal name that results from a conversion.
+        """
+        unique_names = list(dict.fromkeys(names))
+        taken: dict[str, str] = {}
+        for name in unique_names:
+            candidate = (earlier or {}).get(name)
+            if candidate is not None and candidate not in self and plain_name(candidate, kind) == candidate:
+                taken[name] = self.take(candidate, kind)
+        for name in sorted(unique_names, key=lambda name: plain_name(name, kind) != name):
+            if name not in taken:
+                taken[name] = self.take(name, kind)
+        return {name: taken[name] for name in unique_names}
 
 
 class DocumentNaming:
@@ -78,45 +98,45 @@ class DocumentNaming:
         self.above = {one.child: one for one in self.order}
         self.moving = [joint for one in self.order for joint in one.joints]
         self.places: dict[Path, Span] = {(): robot.where}
-        mounts = [one.child for one in self.order if self._is_mount(one)]
-        names = distinct([robot.root, *(one.child for one in self.order)], "link", earlier=None if earlier is None else earlier.links)
-        self.links = {name: word for name, word in names.items() if name not in mounts}
-        self.frames = {name: names[name] for name in mounts}
-        self.points = self._points(names.values())
+        used_links, (old_links, old_joints) = UsedNames(), ({}, {}) if earlier is None else (earlier.links, earlier.joints)
+        names = used_links.take_all([robot.root, *(one.child for one in self.order)], "link", old_links)
+        self.frames = {one.child: names[one.child] for one in self.order if self._is_mount(one)}
+        self.links = {name: word for name, word in names.items() if name not in self.frames}
+        self.points = self._points(used_links)
         sites = [site.name for link in robot.links for site in link.sites]
-        self.sites = distinct(sites, "mount", reserved=names.values(), earlier=self._paths(sites))
+        self.sites = UsedNames(names.values()).take_all(sites, "mount", self._paths(sites))
         moving = [joint.name for joint in self.moving]
-        self.joints = distinct(moving, "joint", earlier=None if earlier is None else earlier.joints)
-        self.loops = distinct([loop.name for loop in robot.loops], "loop", reserved=self.joints.values())
+        self.joints = UsedNames().take_all(moving, "joint", old_joints)
+        self.loops = UsedNames(self.joints.values()).take_all([loop.name for loop in robot.loops], "loop")
         # the mounts of joints and the exported mounts of a component must have different names
-        self.shown = [*self.frames.values(), *self.sites.values()]
-        self.mounts = distinct(moving, "joint", reserved=self.shown, earlier=self.joints)
-        self.ends = distinct(self.loops.values(), "loop", reserved=[*self.shown, *self.mounts.values()])
-        used_mounts = [*self.shown, *self.mounts.values(), *self.ends.values()]
+        self.shown = {*self.frames.values(), *self.sites.values()}
+        used_mounts = UsedNames(self.shown)
+        self.mounts = used_mounts.take_all(moving, "joint", self.joints)
+        self.ends = used_mounts.take_all(self.loops.values(), "loop")
         self.magnets: dict[str, str] = {}
-        for link in self.links:  # mounts of joints are not exported, so the mounts of two links can have the same name
-            on = [one.name for one in robot.adhesions if one.link == link]
-            self.magnets |= distinct(on, "magnet", reserved=used_mounts, earlier=self._paths(on))
-        used_mounts += self.magnets.values()
+        for magnets in group_by(robot.adhesions, lambda one: one.link).values():
+            # mounts of joints are not exported, so the mounts of two links can have the same name
+            on = [one.name for one in magnets]
+            self.magnets |= UsedNames(enclosing=used_mounts).take_all(on, "magnet", self._paths(on))
+        used_mounts = UsedNames(self.magnets.values(), used_mounts)
         places = {one.name: (one.link, one.pose) for one in robot.sensors if one.kind == "camera" and one.link is not None}
         self.cameras = self._name_mounts(places, "camera", used_mounts)
         wraps = [step.around for one in robot.tendons for step in one.steps if step.around is not None]
-        self.centres = self._name_mounts({one.name: (one.link, one.pose) for one in wraps}, "shape", [*used_mounts, *self.cameras.values()])
+        self.centres = self._name_mounts({one.name: (one.link, one.pose) for one in wraps}, "shape", used_mounts)
         joints = [*self.joints.values(), *self.loops.values()]
-        self.tendons = distinct([one.name for one in robot.tendons], "tendon", reserved=joints)
+        self.tendons = UsedNames(joints).take_all([one.name for one in robot.tendons], "tendon")
         stems = [word.rpartition("_")[0] for word in (*joints, *self.tendons.values())]  # `wrist_0` is a drive of the differential `wrist`
-        self.transmissions = distinct([one.name for one in robot.transmissions], "transmission", reserved=stems)
-        self.sensors: list[str] = []
+        self.transmissions = UsedNames(stems).take_all([one.name for one in robot.transmissions], "transmission")
+        used_sensors, self.sensors = UsedNames(), list[str]()
         for sensor in robot.sensors:
             things = self.joints if sensor.joint is not None else self.tendons if sensor.tendon is not None else self.sites
-            self.sensors += distinct([things.get(sensor.name, sensor.name)], "sensor", reserved=self.sensors).values()
+            self.sensors.append(used_sensors.take(things.get(sensor.name, sensor.name), "sensor"))
         motions: list[tuple[str, SourceMotion]] = [(self.joints[one.name], one) for one in self.moving]
         motions += [(self.tendons[one.name], one) for one in robot.tendons]
         self.driven = [(word, one.name, one.drive) for word, one in motions if one.drive is not None]
-        drives = [word for name, word in (*self.joints.items(), *self.tendons.items()) if name != word]
-        drives += [word for word, _, _ in self.driven]
-        self.added = self._name_added(drives)
-        self.poses = distinct([one.name for one in robot.poses], "pose")
+        drives = {word for name, word in (*self.joints.items(), *self.tendons.items()) if name != word}
+        self.added = self._name_added(drives.union(word for word, _, _ in self.driven))
+        self.poses = UsedNames().take_all([one.name for one in robot.poses], "pose")
         self.usual = {id(shape): name for link in self.links for shape, name in self._usual(link)}
 
     def entry(self, section: str, name: str, thing: SourceThing) -> str:
@@ -141,25 +161,26 @@ class DocumentNaming:
         """The source names of the joints that have a transmission with one actuator."""
         return {one.joints[0] for one in self.robot.transmissions if len(one.joints) == 1}
 
-    def _points(self, reserved: Collection[str]) -> dict[str, str]:
+    def _points(self, used: UsedNames) -> dict[str, str]:
         """Return component names for the point masses of the links that have a mass and shapes, but no inertia."""
-        named: dict[str, str] = {}
-        for link in self.robot.links:
-            if link.weight is not None and not any(map(any, link.weight.properties.inertia)) and any(map(self.is_shown, link.shapes)):
-                component = f"{self.links[link.name]}_mass"
-                named[link.name] = distinct([component], "link", reserved=reserved)[component]
-        return named
+        return {
+            link.name: used.take(f"{self.links[link.name]}_mass", "link") for link in self.robot.links
+            if link.weight is not None and not any(map(any, link.weight.properties.inertia)) and any(map(self.is_shown, link.shapes))
+        }
 
-    def _name_added(self, drives: list[str]) -> dict[tuple[str, str], str]:
+    def _name_added(self, drives: Set[str]) -> dict[tuple[str, str], str]:
         """Return the names of the elements that are added to the MuJoCo model unchanged, keyed by section and source name.
 
         The names of drives in `drives` are not used for actuators.
         """
         added: dict[tuple[str, str], str] = {}
+        used = UsedNames(drives)
         for element in self.robot.added:
-            name, drive_names = element.name, drives if element.section == "actuator" else []
-            plain = distinct([name], element.section, reserved=[*drive_names, *added.values()])[name]
-            added[element.section, name] = name if not name or is_file_name(name) and name not in drive_names else plain
+            name = element.name
+            if name and (not is_file_name(name) or element.section == "actuator" and name in drives):
+                name = used.take(name, element.section)
+            used.add(name)
+            added[element.section, element.name] = name
         return added
 
     def _paths(self, names: Sequence[str]) -> dict[str, str]:
@@ -168,12 +189,12 @@ class DocumentNaming:
         Models that thingc wrote contain such sites. The site `hand/tip` becomes the mount `tip` of the link `hand`, unless the name `tip`
         is taken or reserved.
         """
-        prefixes = tuple(f"{word}/" for word in self.links.values())
-        mounts = {name: name.rpartition("/")[2] for name in names if name.startswith(prefixes)}
+        links = {*self.links.values()}
+        mounts = {name: name.rpartition("/")[2] for name in names if "/" in name and name.partition("/")[0] in links}
         counts = Counter([*names, *mounts.values()])
         return {name: mount for name, mount in mounts.items() if counts[mount] == 1 and mount.lower() not in RESERVED}
 
-    def _name_mounts(self, places: Mapping[str, tuple[str, Pose]], kind: str, reserved: Iterable[str]) -> dict[str, str]:
+    def _name_mounts(self, places: Mapping[str, tuple[str, Pose]], kind: str, used: UsedNames) -> dict[str, str]:
         """Return the name of a mount for each pose in `places`. If a mount with the same pose exists, its name is returned.
 
         `places` maps source names to a link and a pose in the frame of the link.
@@ -181,7 +202,7 @@ class DocumentNaming:
         existing = {
             name: next((word for word, at in self._shown_on(link) if same_place(at, pose)), None) for name, (link, pose) in places.items()
         }
-        new_names = distinct([name for name, word in existing.items() if word is None], kind, reserved=reserved)
+        new_names = used.take_all([name for name, word in existing.items() if word is None], kind)
         return {name: word or new_names[name] for name, word in existing.items()}
 
     def _shown_on(self, link: str) -> Iterator[tuple[str, Pose]]:
@@ -225,8 +246,9 @@ class DocumentNaming:
                 used_names.add(name)
         return names
 
-    def others(self) -> dict[str, dict[str, str]]:
-        """Return the document names of sites, loops, tendons, actuators, equalities, sensors, poses and geoms.
+    @cached_property
+    def other_names(self) -> dict[str, dict[str, str]]:
+        """The document names of sites, loops, tendons, actuators, equalities, sensors, poses and geoms.
 
         The result maps each kind of element to a mapping from source names to document names.
         """

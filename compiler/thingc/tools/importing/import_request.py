@@ -43,6 +43,11 @@ class ImportRequest(FrozenStruct):
     earlier: Callable[[str], PreviousImport | None] = lambda _: None
     update: bool = False
 
+    def keeps(self, robot: str) -> bool:
+        """Return whether links of a robot that are fixed to another link have the key `keep`. An update preserves this option."""
+        previous = self.earlier(robot) if self.update else None
+        return self.keep or previous is not None and previous.keep
+
 
 PLAIN = ImportRequest()
 """A request without options."""

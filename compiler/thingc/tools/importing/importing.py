@@ -98,18 +98,19 @@ def import_robot(path: str, report: Report, request: ImportRequest = PLAIN) -> I
     data = _content(path, report)
     path = os.path.abspath(path)
     places = Packages(path, request.packages, os.environ, request.mesh_roots)
-    robot = None if data is None else _load_source(path, data, request.arguments, places, report, meshes=request.meshes)
+    robot = None if data is None else _load_source(path, data, request, places, report)
     if data is None or robot is None:
         return None
     refuse_endless(robot, report)
-    earlier = request.earlier(plain_name(robot.name, "robot"))
+    name = plain_name(robot.name, "robot")
+    earlier = request.earlier(name)
     links = [link.name for link in robot.links]
-    for name in (one for one in request.roots if one not in links):
-        report.add(Code.COMMAND_LINE, f"--root: there is no link `{name}`", None, help=did_you_mean(name, links, what="links"))
-    roots, repair, meshes, keep = request.roots, request.repair, request.meshes, request.keep
+    for link in (one for one in request.roots if one not in links):
+        report.add(Code.COMMAND_LINE, f"--root: there is no link `{link}`", None, help=did_you_mean(link, links, what="links"))
+    roots, repair, meshes, keep = request.roots, request.repair, request.meshes, request.keeps(name)
     if request.update and earlier is not None:
         roots, repair = [*(name for name in earlier.roots if name in links), *roots], repair or earlier.repair
-        meshes, keep = meshes and earlier.with_meshes, keep or earlier.keep
+        meshes = meshes and earlier.with_meshes
     elif request.update:
         message = "--update: the folder does not contain a valid `import.json`"
         report.add(Code.COMMAND_LINE, message, None, help="specify the folder with -o, or import without --update")
@@ -136,7 +137,7 @@ def import_robot(path: str, report: Report, request: ImportRequest = PLAIN) -> I
         renamed={name: new_name for kind in names.values() for name, new_name in kind.items() if name != new_name},
     )
     options = {"roots": roots, "repair": repair, "meshes": meshes, **({"keep": True} if keep else {})}
-    record = _record(imported, {**names, **writer.others()}, options, path, data)
+    record = _record(imported, {**names, **writer.other_names}, options, path, data)
     return replace(imported, files={**imported.files, RECORD: record})
 
 
@@ -154,18 +155,16 @@ def _content(path: str, report: Report) -> bytes | None:
         return None
 
 
-def _load_source(
-    path: str, data: bytes, arguments: Mapping[str, str], packages: Packages, report: Report, *, meshes: bool,
-) -> SourceRobot | None:
+def _load_source(path: str, data: bytes, request: ImportRequest, packages: Packages, report: Report) -> SourceRobot | None:
     """Read the robot with the reader that supports the suffix of the file. A file with the suffix `.xml` can be MJCF, URDF or SDF."""
     suffix = os.path.splitext(path)[1].lower()
     if suffix == ".xacro":
-        expanded = expand_xacro(path, arguments, packages.given, report)
+        expanded = expand_xacro(path, request.arguments, packages.given, report)
         return None if expanded is None else read_urdf(path, expanded[0], report, files=expanded[1])
     if suffix == ".xml":
         root = read_xml(path, data, report, tags=FORMATS)
         if root is None or root.tag == "mujoco":
-            return None if root is None else read_mjcf(root, packages, report, meshes=meshes)
+            return None if root is None else read_mjcf(root, packages, report, request)
         suffix = FORMATS[root.tag][1]
     return read_sdf(path, data, packages, report) if suffix == ".sdf" else read_urdf(path, data, report)
 

@@ -18,7 +18,7 @@ from thingc.documents.load.paths import libraries
 from thingc.geometry.mesh_bounds import BadMesh, check_mesh_file
 from thingc.geometry.meshes.cache import mesh_record
 from thingc.geometry.meshes.files import mesh_file
-from thingc.tools.importing.document_names import distinct
+from thingc.tools.importing.document_names import UsedNames
 from thingc.tools.importing.packages import MOST_BYTES, NotFound, Packages
 from thingc.tools.importing.source_model import SourceLoss, SourceRobot, SourceShape
 from thingc.tools.importing.xml_source import Losses
@@ -126,10 +126,8 @@ def read_meshes(
     digests = {uri: hashlib.sha256(content).hexdigest() for uri, content in contents.items()}
     first = {digest: uri for uri, digest in reversed(digests.items())}
     uris = list(dict.fromkeys(first[digest] for digest in digests.values()))
-    names: dict[str, str] = {}
-    for uri in uris:  # meshes in different folders can have the same name
-        stem, used_stems = _stem(uri), [os.path.splitext(name)[0] for name in names.values()]
-        names[uri] = f"{distinct([stem], 'mesh', used_stems)[stem]}{os.path.splitext(uri)[1].lower()}"
+    used = UsedNames()  # meshes in different folders can have the same name
+    names = {uri: f"{used.take(_stem(uri), 'mesh')}{os.path.splitext(uri)[1].lower()}" for uri in uris}
     paths = {uri: f"{FOLDER}/{names[first[digest]]}" for uri, digest in digests.items()}
     files = {paths[uri]: contents[uri] for uri in uris}
     for uri in (uri for uri in uris if uri not in robot.files):

@@ -9,7 +9,7 @@ from thingc.base.joints.twist import SLIDE, TURN
 from thingc.base.pose import MATE, NO_POSE, Pose
 from thingc.base.sensor_kinds import SENSORS
 from thingc.base.units import ANGLE, LENGTH, Dimension
-from thingc.tools.importing.document_names import DocumentNaming, distinct
+from thingc.tools.importing.document_names import DocumentNaming, UsedNames
 from thingc.tools.importing.quantities import TURNS, angle, flow, length, pose_words, quantity, quaternion_words, shape_words, si_unit, was
 from thingc.tools.importing.source_model import SOURCE_MODE, SourceDrive, SourceMotion, SourcePose, SourceSensor, SourceStep, SourceTendon
 
@@ -44,7 +44,7 @@ def mode_sections(naming: DocumentNaming, roots: Sequence[str]) -> dict[str, Ite
     The section `simulation` follows the modes.
     """
     start, pose_of_source = _start(naming)
-    start_pose = pose_of_source or distinct(["start"], "pose", reserved=naming.poses.values())["start"]
+    start_pose = pose_of_source or UsedNames(naming.poses.values()).take("start", "pose")
     names = naming.poses
     poses = [f"  {names[one.name]}: {flow(_state(naming, one))}{was(names[one.name], one.name)}" for one in naming.robot.poses]
     naming.places |= {("poses", naming.poses[one.name]): one.where for one in naming.robot.poses}
@@ -62,10 +62,9 @@ def _modes(naming: DocumentNaming, roots: Sequence[str], begin: str) -> Iterator
     yield f"  {SOURCE_MODE}: {{root: {naming.links[naming.robot.root]}, base: {naming.robot.base}{place}{begin}{more}}}"
     # in a new mode, another link is the root, so the robot could be below the floor; `on: floor` computes the height from collision shapes
     floor = any(shape.use == "collision" for link in naming.robot.links for shape in link.shapes)
-    used_names = [SOURCE_MODE]
+    used_names = UsedNames([SOURCE_MODE])
     for name in roots:
-        mode = distinct([name], "link", used_names)[name]
-        used_names.append(mode)
+        mode = used_names.take(name, "link")
         # a component is placed by its frame, but a mount is mated with the world, so its z axis is opposite
         root_pose = NO_POSE if name in naming.links else MATE
         pose_text = pose_words(root_pose)
@@ -122,7 +121,7 @@ def _common_values(naming: DocumentNaming) -> dict[str, str]:
 
 def sensor_lines(naming: DocumentNaming) -> Iterator[str]:
     """Yield the lines of the section `sensors`."""
-    winding = {tendon.name for tendon in naming.robot.tendons if tendon.turns}
+    winding, frames = {tendon.name for tendon in naming.robot.tendons if tendon.turns}, naming.frames | naming.sites
     for sensor, name in zip(naming.robot.sensors, naming.sensors, strict=True):
         entries: dict[str, str] = {"type": sensor.kind}
         if sensor.joint is not None and (sensor.kind != "joint" or naming.joints[sensor.joint] != name):
@@ -131,7 +130,6 @@ def sensor_lines(naming: DocumentNaming) -> Iterator[str]:
             entries["tendon"] = naming.tendons[sensor.tendon]
         if sensor.kind == "camera":
             entries |= {"at": f"{naming.links[sensor.link or '']}.{naming.cameras[sensor.name]}", "fovy": angle(sensor.fovy)}
-        frames = naming.frames | naming.sites
         entries |= {key: frames[site] for key, site in (("at", sensor.site), ("in", sensor.seen_from)) if site is not None}
         if sensor.volume is not None:
             entries["volume"] = f"{{{shape_words(*sensor.volume)}}}"

@@ -78,7 +78,7 @@ def _controls(naming: DocumentNaming, state: SourcePose) -> Raw:
 
 def order_of(naming: DocumentNaming, kind: str) -> dict[str, str]:
     """Map the source names of the actuators or sensors to document names, in source order."""
-    names = naming.others().get(f"{kind}s", {})
+    names = naming.other_names.get(f"{kind}s", {})
     return {name: names[name] for name in naming.robot.order.get(kind, ()) if name in names}
 
 
@@ -133,7 +133,7 @@ def _name_text(naming: DocumentNaming, value: str | SourceTarget) -> str:
     if isinstance(value, str):
         return value
     names = {"joint": naming.joints, "site": naming.sites, "tendon": naming.tendons, "body": naming.links}
-    return (names.get(value.kind) or naming.others()[f"{value.kind}s"])[value.name]
+    return (names.get(value.kind) or naming.other_names[f"{value.kind}s"])[value.name]
 
 
 def _flow(value: Any) -> str:

@@ -430,7 +430,7 @@ class _Sdf:
             return None
         offset -= multiplier * reference
         leader = self._coordinates(key_of(joint, scope))[-1 if mimic.attributes.get("axis") == "axis2" else 0]
-        return source_model.SourceMimic(joint=leader, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
+        return source_model.SourceMimic(joint=leader, coefficients=(offset, multiplier), where=mimic.place("joint"))
 
     def _build_robot(
         self, model: SourceElement, name: str, links: list[source_model.SourceLink], attachments: list[source_model.Attachment],

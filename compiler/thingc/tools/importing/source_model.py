@@ -118,22 +118,20 @@ class SourceLimits(FrozenStruct):
 class SourceMimic(FrozenStruct):
     """The coupling of a joint to another joint `joint`.
 
-    The coordinate of the coupled joint is `multiplier * q(joint) + offset`, or `polynomial` at q(joint). The coefficients of the
-    polynomial, in units of rad and m, start with the constant term. `name` is the name of the equality in MJCF.
+    The coordinate of the coupled joint is a polynomial in q(joint), with at least two `coefficients` in units of rad and m. The constant
+    term is the first coefficient. `name` is the name of the equality in MJCF.
     """
 
     joint: str
-    multiplier: float
-    offset: float
+    coefficients: tuple[float, ...]
     where: Span
-    polynomial: tuple[float, ...] = ()
     raw: Raw = ()
     name: str = ""
 
     def at(self, q: float) -> float:
         """Return the coordinate of the coupled joint for the coordinate `q` of the other joint."""
         at = 0.0
-        for coefficient in reversed(self.polynomial or (self.offset, self.multiplier)):
+        for coefficient in reversed(self.coefficients):
             at = at * q + coefficient
         return at
 

@@ -27,7 +27,7 @@ from thingc.documents.load.documents import read_tree
 from thingc.geometry.client import begin_once
 from thingc.geometry.features import Cylinder, Features, PlanarFace
 from thingc.geometry.store.local import Store
-from thingc.tools.importing.document_names import distinct, plain_name
+from thingc.tools.importing.document_names import UsedNames, plain_name
 from thingc.tools.importing.import_request import refuse_unreadable
 from thingc.tools.importing.quantities import pose_words, quantity, was
 from thingc.tools.importing.step_assembly import StepAssembly, StepChild, StepPart
@@ -258,10 +258,8 @@ class StepDocuments:
 
 def distinct_words(names: Sequence[str], kind: str, reserved: Sequence[str] = ()) -> list[str]:
     """Return a different document name for each of the names, which may be equal. Names that are empty get the name `kind`."""
-    words: list[str] = []
-    for name in names:
-        words += distinct([name.strip() or kind], kind, reserved=[*words, *reserved]).values()
-    return words
+    used = UsedNames(reserved)
+    return [used.take(name.strip() or kind, kind) for name in names]
 
 
 def stock_materials() -> frozenset[str]:

@@ -294,7 +294,7 @@ class _Urdf:
             help = did_you_mean(joint, sorted(self.moving - {name}), what="joints")
             self.report.warn(Code.SOURCE_DOUBT, message, mimic.place("joint"), help=help)
             return None
-        return source_model.SourceMimic(joint=joint, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
+        return source_model.SourceMimic(joint=joint, coefficients=(offset, multiplier), where=mimic.place("joint"))
 
     def _ends(self, element: SourceElement, kind: source_model.Kind, follows: bool) -> source_model.SourceLimits:
         limit = self.values.one(element, "limit")

@@ -62,6 +62,7 @@ class Blocks:
         self.transmissions: dict[str, SourceTransmission] = {}
         for block in root.all("gazebo"):
             self._gazebo(block)
+        self.joints = dict.fromkeys(one.attributes.get("name", "") for one in root.all("joint"))
         driven = {name for name, block in (*self._transmission_joints(), *self._commanded_joints()) if self._is_joint(name, block)}
         self.driven = driven if any(one.tag in ("transmission", "ros2_control") for one in root.children) else None
         self.meshes: str | None = None
@@ -150,12 +151,11 @@ class Blocks:
 
         If the joint does not exist, report a warning and record a loss.
         """
-        joints = [one.attributes.get("name", "") for one in self.root.all("joint")]
-        if name not in joints:
+        if name not in self.joints:
             self.losses.note(f"the drive of joint `{name}`", "the joint does not exist", block.where)
             message = f"the driven joint `{name}` does not exist"
-            self.values.report.warn(Code.SOURCE_DOUBT, message, block.place("name"), help=did_you_mean(name, joints, what="joints"))
-        return name in joints
+            self.values.report.warn(Code.SOURCE_DOUBT, message, block.place("name"), help=did_you_mean(name, self.joints, what="joints"))
+        return name in self.joints
 
     def _transmission_joints(self) -> Iterator[tuple[str, SourceElement]]:
         """Yield the name and the XML element of each joint in a `<transmission>`."""

@@ -11,6 +11,7 @@ mated mounts face each other.
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 
 from thingc.base.diagnostics import Report
@@ -67,6 +68,7 @@ class DocumentWriter(DocumentNaming):
         return formatted.decode()
 
     def _components(self) -> Iterator[str]:
+        mounts = self._mounts()
         for name in self.links:
             link, above, path = self.link_of[name], self.above.get(name), ("components", self.links[name])
             yield self.entry(*path, link)
@@ -81,11 +83,10 @@ class DocumentWriter(DocumentNaming):
                 self.places[(*path, "at")] = above.where
                 yield f"    at: {{in: {self.links[above.parent]}.origin{pose_words(above.pose, above.rpy, before=', ')}}}"
                 yield from ["    keep: true"] if self.keep else []
-            mounts = [*self._mounts(name)]
-            if mounts:
+            if mounts[name]:
                 yield "    mounts:"
-                yield from (f"      {mount}: {{{pose}}}{comment}" for mount, pose, comment, _ in mounts)
-                self.places |= {(*path, "mounts", mount): where for mount, _, _, where in mounts if where is not None}
+                yield from (f"      {mount}: {{{pose}}}{comment}" for mount, pose, comment, _ in mounts[name])
+                self.places |= {(*path, "mounts", mount): where for mount, _, _, where in mounts[name] if where is not None}
             if name in self.points:  # without an inertia, thingc would distribute the mass of a link over its shapes
                 yield f"  {self.points[name]}:  # the mass of the link, which has no inertia in the source"
                 yield "    frame: true"
@@ -142,38 +143,39 @@ class DocumentWriter(DocumentNaming):
             return f"mesh: {path}{'' if path.endswith(SAY_THEIR_UNIT) else ', unit: m'}{factors}"
         return f"mesh: {path}, unit: {unit}"
 
-    def _mounts(self, name: str) -> Iterator[tuple[str, str, str, Span | None]]:
-        """Yield the name, the pose, the comment and the source location of each mount of a link.
+    def _mounts(self) -> Mapping[str, list[tuple[str, str, str, Span | None]]]:
+        """Return the name, the pose, the comment and the source location of each mount, by link.
 
         The mounts belong to joints, to links that become mounts, and to sites, loops and adhesions. A camera, or a shape around which a
         tendon wraps, gets a mount unless a mount with the same pose exists.
         """
-        above = self.above.get(name)
-        for joint in above.joints if above is not None else ():
-            if child := _child_mount(joint):
-                yield self.mounts[joint.name], child, "", joint.where
-        for one in self.below.get(name, ()):
-            if one.child in self.frames:
-                yield self.frames[one.child], pose_words(one.pose, one.rpy), was(self.frames[one.child], one.child), one.where
-            for joint in one.joints:
-                if parent := _parent_mount(one, joint):
-                    yield self.mounts[joint.name], parent, "", joint.where
-        for site in self.link_of[name].sites:
-            yield self.sites[site.name], pose_words(site.pose), was(self.sites[site.name], site.name), site.where
+        mounts: defaultdict[str, list[tuple[str, str, str, Span | None]]] = defaultdict(list)
+        for name in self.links:
+            above, on = self.above.get(name), mounts[name]
+            for joint in above.joints if above is not None else ():
+                if child := _child_mount(joint):
+                    on.append((self.mounts[joint.name], child, "", joint.where))
+            for one in self.below.get(name, ()):
+                if one.child in self.frames:
+                    on.append((self.frames[one.child], pose_words(one.pose, one.rpy), was(self.frames[one.child], one.child), one.where))
+                for joint in one.joints:
+                    if parent := _parent_mount(one, joint):
+                        on.append((self.mounts[joint.name], parent, "", joint.where))
+            for site in self.link_of[name].sites:
+                on.append((self.sites[site.name], pose_words(site.pose), was(self.sites[site.name], site.name), site.where))
         for loop in self.robot.loops:
             for (link, pose), flip in zip(loop.ends, (NO_POSE, MATE), strict=True):
-                if link == name:
-                    yield self.ends[self.loops[loop.name]], pose_words(pose @ flip), "", loop.where
+                mounts[link].append((self.ends[self.loops[loop.name]], pose_words(pose @ flip), "", loop.where))
         for magnet in self.robot.adhesions:
-            if magnet.link == name:
-                yield self.magnets[magnet.name], "", was(self.magnets[magnet.name], magnet.name), magnet.where
+            mounts[magnet.link].append((self.magnets[magnet.name], "", was(self.magnets[magnet.name], magnet.name), magnet.where))
         around = {step.around.name: step.around for tendon in self.robot.tendons for step in tendon.steps if step.around is not None}
         for shape in around.values():
-            if shape.link == name and self.centres[shape.name] not in self.shown:
-                yield self.centres[shape.name], pose_words(shape.pose), "", None
+            if self.centres[shape.name] not in self.shown:
+                mounts[shape.link].append((self.centres[shape.name], pose_words(shape.pose), "", None))
         for camera in self.robot.sensors:
-            if camera.link == name and self.cameras[camera.name] not in self.shown:
-                yield self.cameras[camera.name], pose_words(camera.pose), "", None
+            if camera.link is not None and self.cameras[camera.name] not in self.shown:
+                mounts[camera.link].append((self.cameras[camera.name], pose_words(camera.pose), "", None))
+        return mounts
 
     def _joints(self) -> Iterator[str]:
         attached = [(one, joint) for one in self.order for joint in one.joints]
@@ -216,19 +218,18 @@ class DocumentWriter(DocumentNaming):
         yield from _mapping("dynamics", dynamics_words(joint, turns))
         if joint.follows is not None:
             self.places["joints", self.joints[joint.name], "mimic"] = joint.follows.where
-            leader = next(other for other in self.moving if other.name == joint.follows.joint)
-            own, other = (ANGLE if one in TURNS else LENGTH for one in (joint.kind, leader.kind))
-            follows = {"joint": self.joints[leader.name]}
-            if joint.follows.polynomial:
-                coefficients = list(joint.follows.polynomial)
+            own, other = (ANGLE if name in self.turning else LENGTH for name in (joint.name, joint.follows.joint))
+            follows = {"joint": self.joints[joint.follows.joint]}
+            coefficients = list(joint.follows.coefficients)
+            if any(coefficients[2:]):
                 while not coefficients[-1]:
                     coefficients.pop()
                 words = (quantity(value, si_unit(own / other**power)) for power, value in enumerate(coefficients))
                 follows["polynomial"] = f"[{', '.join(words)}]"
             else:
-                follows["multiplier"] = f"{quantity(joint.follows.multiplier, '')} {si_unit(own / other)}".rstrip()
-            offset = joint.follows.offset if not joint.follows.polynomial else 0.0
-            yield from _mapping("mimic", follows | ({"offset": place(offset)} if offset else {}))
+                follows["multiplier"] = f"{quantity(coefficients[1], '')} {si_unit(own / other)}".rstrip()
+                follows |= {"offset": place(coefficients[0])} if coefficients[0] else {}
+            yield from _mapping("mimic", follows)
         if joint.drive is not None:
             self.places["joints", self.joints[joint.name], "drive"] = joint.drive.where
         if joint.drive is not None and driven:

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from typing import Literal
 
 from thingc.base.diagnostics import Code, Report
-from thingc.base.inertia import MassProperties, symmetric
+from thingc.base.inertia import MassProperties
 from thingc.base.numeric import hypot
-from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, make_pose, multiply, rotation_of, transpose
+from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, make_pose, rotation_of
 from thingc.base.source import Span
 from thingc.base.suggestions import Hint
 from thingc.tools.importing.document_names import plain_name
@@ -219,8 +219,7 @@ class Values:
         xx, xy, xz, yy, yz, zz = (
             self.number(element, key, usual if key[1] == key[2] else 0.0) or 0.0 for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
         )
-        turned = multiply(multiply(pose.rotation, ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))), transpose(pose.rotation))
-        return MassProperties(mass=mass, centre=pose.translation, inertia=symmetric(turned))
+        return MassProperties(mass=mass, inertia=((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))).seen_from(pose)
 
 
 class ChildValues(Values):

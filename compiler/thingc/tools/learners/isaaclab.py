@@ -9,9 +9,11 @@ import re
 from collections.abc import Mapping, Sequence
 
 from thingc.model.resolve.coordinates import CoordinateName
+from thingc.model.robot.kinematics import body_poses
 from thingc.model.robot.types import Robot, TreeJoint
 from thingc.targets import Artifacts, EmitRequest, Loss
 from thingc.targets.name_mangling import safe
+from thingc.targets.usd.stage import articulation_roots
 from thingc.tools.learners.driven_joints import DrivenJoint, by_pattern, driven_joints, losses, moving, start
 from thingc.tools.learners.python_text import PythonCall, PythonExpression, assignment, constant, file_name, module
 
@@ -62,10 +64,15 @@ def _module(robot: Robot) -> bytes:
 
 
 def _base(robot: Robot) -> Mapping[str, object]:
-    """Return the initial pose of a free base, with the quaternion x, y, z, w of Isaac Lab 3. The USD file places any other base."""
-    if robot.base != "free":
+    """Return the initial pose of the articulation if its root floats, with the quaternion x, y, z, w of Isaac Lab 3.
+
+    The root of the articulation differs from the root of the mode if the latter is an object without joints. The USD file places a root
+    that does not float.
+    """
+    root = articulation_roots(robot)[0]
+    if robot.bodies[root].parent is None and robot.base != "free":
         return {}
-    pose = robot.start.base or robot.bodies[0].X_PL
+    pose = body_poses(robot, robot.start.q, robot.start.base)[root]
     w, x, y, z = pose.quaternion()
     return {"pos": pose.translation, "rot": (x, y, z, w)}
 

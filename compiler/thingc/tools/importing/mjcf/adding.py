@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 from typing import Literal
 
@@ -32,8 +33,8 @@ class Added:
 
     def __init__(self, original: CompiledSource, kept: Mapping[str, Set[int]], tendons: Tendons, heads: Mapping[int, int]) -> None:
         self.original, self.model, self.tendons = original, original.model, tendons.of
-        masses = [heads[body] for body in heads if self.model.body_mass[body] > 0.0]
-        whole = {head for head in heads.values() if masses.count(head) < 2}  # merging bodies changes the frame of the inertia
+        masses = Counter(heads[body] for body in heads if self.model.body_mass[body] > 0.0)
+        whole = {head for head in heads.values() if masses[head] < 2}  # merging bodies changes the frame of the inertia
         self.kept: dict[str, Set[int]] = {**kept, "tendon": tendons.of.keys(), "body": whole}
         self.elements: list[SourceAdded] = []
 

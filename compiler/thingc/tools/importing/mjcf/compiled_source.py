@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from msgspec.structs import replace
+
+from thingc.base.inertia import MassProperties
 from thingc.base.pose import NO_POSE, Pose, rotation_of
 from thingc.base.source import Span
+from thingc.model.assembly.mass import stated_inertia
 from thingc.tools.importing.document_names import plain_name
 from thingc.tools.importing.mjcf.flattened_source import FlattenedSource
 from thingc.tools.importing.quantities import same_place
@@ -19,6 +24,7 @@ WORLD = 0
 KINDS = ("body", "joint", "geom", "site", "camera", "actuator", "sensor", "equality", "tendon")
 ROUNDED = 1e-14
 """Tolerance for comparing vectors of numbers, relative to the largest absolute value."""
+_ALIKE = 1e-9
 MANY = {"body": "bodies", "equality": "equalities"}
 SOLREF, SOLIMP = "0.02 1", "0.9 0.95 0.001 0.5 2"
 """MuJoCo's default values of `solref` and `solimp`, which define the softness of constraints."""
@@ -128,6 +134,18 @@ class CompiledSource:
         Return the root element if the source location is unknown.
         """
         return self.flat.element(self.written[kind][number].info)
+
+    def mass_properties(self, body: int) -> MassProperties:
+        """Return the mass properties of a body in the frame of the body."""
+        model, (a, b, c) = self.model, floats(self.model.body_inertia[body])
+        principal = MassProperties(mass=float(model.body_mass[body]), inertia=((a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c)))
+        properties = principal.seen_from(pose_of(model.body_ipos[body], model.body_iquat[body]))
+        full = floats(self.written["body"][body].fullinertia)
+        if all(map(math.isfinite, full)):  # prefer the values in the source, because MuJoCo rotates them twice
+            written, least = stated_inertia(full), _ALIKE * max(map(abs, full))
+            if all(abs(one - other) <= least for one, other in zip(sum(written, ()), sum(properties.inertia, ()), strict=True)):
+                return replace(properties, inertia=written)
+        return properties
 
     def bounds(self, name: str, number: int) -> tuple[float, float] | None:
         """Return the lower and upper bound of an element's range, such as `actuator_ctrl`, or None if the element is unlimited."""

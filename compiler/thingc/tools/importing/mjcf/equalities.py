@@ -71,11 +71,10 @@ class Equalities:
         if any(int(model.jnt_bodyid[joint]) not in self.on for joint in (one, other)):
             return "the joints of the equality are not imported"
         first, second = (float(model.qpos0[model.jnt_qposadr[joint]]) for joint in (one, other))
-        offset, multiplier, *rest = _shift((a, b, *higher), second)
+        constant, *rest = _shift((a, b, *higher), second)
         self.follows[one] = SourceMimic(
-            joint=original.joints[other], multiplier=multiplier, offset=first + offset, where=original.where("equality", number),
-            polynomial=(first + offset, multiplier, *rest) if any(rest) else (), raw=self._raw(number, STIFF),
-            name=original.written["equality"][number].name,
+            joint=original.joints[other], coefficients=(first + constant, *rest), where=original.where("equality", number),
+            raw=self._raw(number, STIFF), name=original.written["equality"][number].name,
         )
         return ""
 

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import math
 import re
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import accumulate
 
 from thingc.base.diagnostics import Code, Report
 from thingc.base.generated_header import mode_of
 from thingc.base.grouping import group_by
-from thingc.base.inertia import MassProperties, symmetric
-from thingc.base.pose import NO_POSE, Pose, multiply, transpose
+from thingc.base.pose import NO_POSE, Pose
 from thingc.targets.urdf.links import SMALL_MASS
+from thingc.tools.importing.document_names import plain_name
+from thingc.tools.importing.import_request import ImportRequest
 from thingc.tools.importing.mjcf.adding import Added
 from thingc.tools.importing.mjcf.compiled_source import WORLD, CompiledSource, floats, numbers, pose_of
 from thingc.tools.importing.mjcf.drives import Actuators
@@ -32,15 +32,15 @@ PLANE = 0
 _ALIKE = 1e-9
 
 
-def read_mjcf(root: SourceElement, packages: Packages, report: Report, *, meshes: bool) -> SourceRobot | None:
+def read_mjcf(root: SourceElement, packages: Packages, report: Report, request: ImportRequest) -> SourceRobot | None:
     """Read the robot in an MJCF file, given its root element `<mujoco>`. If MuJoCo cannot read the file, report the error and return None.
 
-    If `meshes` is false, meshes that cannot be read have no mass.
+    If the request excludes meshes, meshes that cannot be read have no mass.
     """
-    flat = FlattenedSource(root, packages, report, meshes)
+    flat = FlattenedSource(root, packages, report, request.meshes)
     text = flat.text()
     original = None if text is None else _compile(flat, text, report)
-    return None if original is None else _Reader(original, report).robot()
+    return None if original is None else _Reader(original, report, request).robot()
 
 
 def _compile(flat: FlattenedSource, text: str, report: Report) -> CompiledSource | None:
@@ -75,8 +75,8 @@ def _compile(flat: FlattenedSource, text: str, report: Report) -> CompiledSource
 
 
 class _Reader:
-    def __init__(self, original: CompiledSource, report: Report) -> None:
-        self.original, self.model, self.report = original, original.model, report
+    def __init__(self, original: CompiledSource, report: Report, request: ImportRequest) -> None:
+        self.original, self.model, self.report, self.request = original, original.model, report, request
         self.parents = [int(one) for one in self.model.body_parentid]
         self.joints = original.joints_of
         self.free = {body for body, joints in enumerate(self.joints) for joint in joints if self.model.jnt_type[joint] == FREE}
@@ -107,7 +107,9 @@ class _Reader:
         links = [body for body in sorted(bodies) if carriers[body][0] == body or body in self._mounts]
         joints = {joint for body in bodies for joint in self.joints[body]}
         sites = {site for site in range(self.model.nsite) if int(self.model.site_bodyid[site]) in bodies}
-        heads = self._heads(carriers, root)
+        named = self.original.flat.find_root(self.original.element("body", min(body for body in bodies if body != WORLD)))
+        name, groups = _name(named), self._rigid_groups(carriers, root)
+        heads = {body: link for body, (link, _) in carriers.items()} if self.request.keeps(plain_name(name, "robot")) else groups
         tendons = Tendons(self.original, joints, sites, carriers, heads)
         members = group_by(heads, heads.__getitem__)
         rigid_links = [self._link(body, carriers, members.get(body, ())) for body in links]
@@ -119,7 +121,7 @@ class _Reader:
         base: SourceBase = "free" if root in self.free else "held" if root in self.mocap else "fixed"
         floating = {body for body in heads if heads[body] == root} if base == "free" else set[int]()
         sensed = Sensing(self.original, carriers, added, drives.driven, root, floating).all()
-        excluded = touching(self.original, carriers, heads, None if base == "free" else root, added)
+        excluded = touching(self.original, carriers, groups, heads, None if base == "free" else root, added)
         gravity = floats(self.model.opt.gravity)
         joints_by_name = {joint.name: joint for one in attachments for joint in one.joints}
         states = poses(self.original, carriers, root, base, joints_by_name, self._released)
@@ -127,13 +129,11 @@ class _Reader:
         free = self.joints[root][0] if base == "free" else -1
         set_up += tuple((("joint", "root", name), value) for name, value in (free_joint(self.original, free) if base == "free" else ()))
         self._lose_layout(root, attachments, bool(states), {name for one in sensed for name, _ in one.parts}, added)
-        named = self.original.flat.find_root(self.original.element("body", min(body for body in bodies if body != WORLD)))
         return SourceRobot(
-            name=_name(named), where=named.place("model"), root=self.original.bodies[root], links=(*rigid_links, *between),
+            name=name, where=named.place("model"), root=self.original.bodies[root], links=(*rigid_links, *between),
             attachments=tuple(attachments), base=base, pose=NO_POSE if root == WORLD else self._pose(root),
             losses=self.original.losses.all(), loops=tuple(couplings.loops), adhesions=drives.adhesions,
-            tendons=tendons.with_drives(drives.of_tendon), sensors=sensed, poses=states, excluded=excluded,
-            added=tuple(added.elements),
+            tendons=tendons.with_drives(drives.of_tendon), sensors=sensed, poses=states, excluded=excluded, added=tuple(added.elements),
             free_joint=self.original.written["joint"][free].name if base == "free" else "",
             order={"actuator": [*self.original.actuators.values()], "sensor": [*self.original.sensors.values()]},
             gravity=None if gravity == (0.0, 0.0, -9.81) else (gravity[0], gravity[1], gravity[2]),
@@ -277,17 +277,17 @@ class _Reader:
             self._carried.setdefault(link, []).append(body)
         return on
 
-    def _heads(self, on: dict[int, tuple[int, Pose]], root: int) -> dict[int, int]:
-        """Map each body to the first body of its group of rigidly connected bodies."""
-        heads = {root: root}
-        for body in sorted(on):
-            if body != root:
-                heads[body] = body if self.joints[body] else heads[self.parents[body]]
-        return heads
+    def _rigid_groups(self, bodies: Iterable[int], root: int) -> dict[int, int]:
+        """Map each body to the first body of its group of rigidly connected bodies.
+
+        Bodies that are fixed to the world or to a mocap body are fixed to the root.
+        """
+        grounded, welds = {WORLD, *self.mocap}, self.model.body_weldid.tolist()
+        return {body: root if welds[body] in grounded else welds[body] for body in bodies}
 
     def _link(self, body: int, on: dict[int, tuple[int, Pose]], members: Sequence[int]) -> SourceLink:
-        """Convert a body, and the mounts on it, to a link. If the body is the first of bodies that are fixed to each other, `members`
-        contains all of these bodies, and is empty otherwise.
+        """Convert a body, and the mounts on it, to a link. If the body is the first of bodies that become one link, `members` contains all
+        of these bodies, and is empty otherwise.
         """
         original, where = self.original, self.original.flat.root.where if body == WORLD else self.original.where("body", body)
         if body in self._mounts:
@@ -307,7 +307,7 @@ class _Reader:
         )
 
     def _gravcomp(self, bodies: Sequence[int]) -> float:
-        """Return the mean gravity compensation of bodies that are fixed to each other. Record a loss if their values differ."""
+        """Return the mean gravity compensation of bodies that become one link. Record a loss if their values differ."""
         heavy = [body for body in bodies if self.model.body_mass[body] > 0.0 and self.model.body_weldid[body] != WORLD]
         values = self.model.body_gravcomp[heavy]
         if len(set(values)) < 2:
@@ -317,23 +317,10 @@ class _Reader:
         return float(values @ self.model.body_mass[heavy] / self.model.body_mass[heavy].sum())
 
     def _weight(self, body: int) -> Weight | None:
-        mass = float(self.model.body_mass[body])
-        if body == WORLD or mass <= 0.0:
+        if body == WORLD or self.model.body_mass[body] <= 0.0:
             return None
-        written, element = self.original.written["body"][body], self.original.element("body", body)
-        (x, y, z), moments = floats(self.model.body_ipos[body]), floats(self.model.body_inertia[body])
-        turn = pose_of((x, y, z), self.model.body_iquat[body]).rotation
-        rows = ((moments[0], 0.0, 0.0), (0.0, moments[1], 0.0), (0.0, 0.0, moments[2]))
-        inertia = symmetric(multiply(multiply(turn, rows), transpose(turn)))
-        full = floats(written.fullinertia)
-        if all(map(math.isfinite, full)):  # prefer the values in the source, because MuJoCo rotates them twice
-            a, b, c, d, e, f = full
-            source_inertia = ((a, d, e), (d, b, f), (e, f, c))
-            largest = max(map(abs, full))
-            if all(abs(source_inertia[i][j] - inertia[i][j]) <= _ALIKE * largest for i in range(3) for j in range(3)):
-                inertia = source_inertia
-        properties = MassProperties(mass=mass, centre=(x, y, z), inertia=inertia)
-        return Weight(properties=properties, where=next(element.all("inertial"), element).where)
+        element = self.original.element("body", body)
+        return Weight(properties=self.original.mass_properties(body), where=next(element.all("inertial"), element).where)
 
 
 def _name(root: SourceElement) -> str:

@@ -36,7 +36,7 @@ class Sensing:
     """Reads the sensors and cameras of a MuJoCo model.
 
     `on` maps each imported body to a link and the pose of the body in this link. `driven` maps the index of an actuator to the driven joint
-    or tendon, `root` is the root body, and `floating` contains the bodies that are fixed to a free root.
+    or tendon, `root` is the root body, and `floating` contains the bodies of the link that is a free root.
     """
 
     def __init__(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from thingc.base.grouping import group_by
@@ -73,12 +73,14 @@ def _format_setting(name: str, value: Any) -> str:
 
 
 def touching(
-    original: CompiledSource, on: Mapping[int, tuple[int, Pose]], heads: Mapping[int, int], still: int | None, added: Added,
+    original: CompiledSource, on: Mapping[int, tuple[int, Pose]], groups: Mapping[int, int], heads: Mapping[int, int], still: int | None,
+    added: Added,
 ) -> tuple[tuple[str, str], ...]:
     """Return the pairs of links between which the MuJoCo model excludes contacts. Pairs of links that are connected by a joint are omitted.
 
-    Documents always exclude contacts between links that are connected by a joint. In MuJoCo, an option controls these contacts, and the
-    children of the static body `still` can touch this body. Such contacts are recorded as losses.
+    `groups` maps each body to the first body of its group of rigidly connected bodies, and `heads` to the first body of its link. Documents
+    always exclude contacts between links that are connected by a joint. In MuJoCo, an option controls these contacts, and the children of
+    the static body `still` can touch this body. Such contacts are recorded as losses.
     """
     import mujoco
 
@@ -87,34 +89,34 @@ def touching(
         what = f"a contact pair, `{pair.geomname1}` and `{pair.geomname2}`"
         original.losses.note(what, "a body of the pair is not in the document", original.flat.place(pair.info))
     parents = {
-        head: heads[parent] for head in set(heads.values()) if (parent := int(model.body_parentid[head])) in heads and parent != head
+        head: groups[parent] for head in set(groups.values()) if (parent := int(model.body_parentid[head])) in groups and parent != head
     }
+    near = {_pair(head, parent) for head, parent in parents.items()}
     excluded = list(_excluded_pairs(original, on))
     written = {_pair(first, second) for first, second in excluded}
-    apart = {_pair(heads[first], heads[second]): (first, second) for first, second in excluded if heads[first] != heads[second]}
+    apart = {
+        _pair(heads[first], heads[second]): (first, second) for first, second in excluded
+        if groups[first] != groups[second] and _pair(groups[first], groups[second]) not in near
+    }
     filtered = not int(model.opt.disableflags) & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
-    members = group_by(heads, heads.__getitem__)
-    masks = {body: _masks(original, body) for body in heads}
+    members, bodies_of = group_by(groups, groups.__getitem__), group_by(heads, heads.__getitem__)
+    masks = {body: _masks(original, body) for body in groups}
 
-    def meet(head: int, other: int) -> bool:
-        """Return whether the contact masks of two links allow contacts. Excluded pairs of bodies are ignored."""
-        pairs = ((one, two) for one in members[head] for two in members[other] if _pair(one, two) not in written)
+    def meet(bodies: Sequence[int], others: Sequence[int]) -> bool:
+        """Return whether the contact masks of two groups of bodies allow contacts. Excluded pairs of bodies are ignored."""
+        pairs = ((one, two) for one in bodies for two in others if _pair(one, two) not in written)
         return any(masks[one][0] & masks[two][1] or masks[two][0] & masks[one][1] for one, two in pairs)
 
-    near = {_pair(head, parent) for head, parent in parents.items()}
     for head, parent in sorted(parents.items()):
-        if (parent == still or not filtered) and meet(head, parent):
+        if (parent == still or not filtered) and meet(members[head], members[parent]):
             what = f"contacts of `{original.bodies[head]}` with `{original.bodies[parent]}`"
             original.lose("body", head, what, "documents exclude contacts of links with a common joint")
-    for head, other in sorted(apart.keys() - near):
-        if meet(head, other):
+    for head, other in sorted(apart):
+        if meet(bodies_of[head], bodies_of[other]):
             what = f"contacts of `{original.bodies[other]}` with `{original.bodies[head]}`"
-            why = "a pair of bodies is excluded from contact"
-            original.lose("body", other, what, why)
-    moving = {head: bodies for head, bodies in members.items() if head != still}
-    _lose_parts(original, moving, {head for head, bodies in moving.items() if any(any(masks[body]) for body in bodies)})
-    named = ((original.bodies[on[body][0]] for body in bodies) for pair, bodies in apart.items() if pair not in near)
-    return tuple((first, second) for first, second in named)
+            original.lose("body", other, what, "a pair of bodies is excluded from contact")
+    _lose_parts(original, {head: bodies for head, bodies in bodies_of.items() if groups[head] != still}, masks)
+    return tuple((original.bodies[on[first][0]], original.bodies[on[second][0]]) for first, second in apart.values())
 
 
 def _excluded_pairs(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]) -> Iterator[tuple[int, int]]:
@@ -132,10 +134,10 @@ def _excluded_pairs(original: CompiledSource, on: Mapping[int, tuple[int, Pose]]
             original.losses.note(what, "a body of the pair is not part of the robot", original.flat.place(one.info))
 
 
-def _lose_parts(original: CompiledSource, members: Mapping[int, list[int]], touch: Set[int]) -> None:
-    """Record losses for links of several MuJoCo bodies, because MuJoCo computes drag and the softness of contacts for each body.
+def _lose_parts(original: CompiledSource, members: Mapping[int, list[int]], masks: Mapping[int, tuple[int, int]]) -> None:
+    """Record losses in the drag of links, and in the softness of contacts of links of several bodies, which MuJoCo computes for each body.
 
-    `touch` contains the moving links with collision shapes.
+    `members` contains the bodies of each moving link, and `masks` the contact masks of each body.
     """
     model = original.model
     fluid = bool(model.opt.density or model.opt.viscosity)
@@ -145,14 +147,32 @@ def _lose_parts(original: CompiledSource, members: Mapping[int, list[int]], touc
                 "geom", geom, f"drag of a geom of `{original.bodies[body]}` as an ellipsoid", "documents support drag only for whole links",
             )
     for head, bodies in sorted(members.items()):
-        if sum(model.body_mass[body] > 0.0 for body in bodies) < 2:
-            continue
-        if fluid:
-            what = f"drag of `{original.bodies[head]}`, computed for each body"
-            original.lose("body", head, what, "bodies that are fixed to each other are one link")
-        if head in touch:
-            why = "bodies that are fixed to each other are one link"
+        heavy = [body for body in bodies if model.body_mass[body] > 0.0]
+        why = "bodies that are fixed to each other are one link"
+        if len(heavy) == 1 and model.opt.density and _has_other_axes(original, heavy[0]):
+            what = f"the orientation of the drag of `{original.bodies[head]}`"
+            original.lose("body", head, what, "the axes of equal moments of inertia are arbitrary")
+        if len(heavy) > 1 and fluid:
+            original.lose("body", head, f"drag of `{original.bodies[head]}`, computed for each body", why)
+        if len(heavy) > 1 and any(any(masks[body]) for body in bodies):
             original.lose("body", head, f"the softness of contacts of `{original.bodies[head]}`", why)
+
+
+def _has_other_axes(original: CompiledSource, body: int) -> bool:
+    """Return whether MuJoCo computes other principal axes from the inertia of a body than those of the model.
+
+    This is possible if two moments of inertia are equal. MuJoCo computes the drag of a body for a box along the principal axes, unless the
+    drag of a geom of the body is computed for an ellipsoid.
+    """
+    import mujoco
+    import numpy as np
+
+    model, axes = original.model, np.zeros(9)
+    if any(model.geom_fluid[geom][0] for geom in original.geoms_of[body]):
+        return False
+    mujoco.mju_eig3(np.zeros(3), axes, np.zeros(4), np.array(original.mass_properties(body).inertia).ravel())
+    cosines = np.abs(np.array(pose_of(model.body_ipos[body], model.body_iquat[body]).rotation).T @ axes.reshape(3, 3))
+    return bool(cosines.max(axis=0).min() < 1.0 - _ALIKE)
 
 
 def _pair(one: int, other: int) -> tuple[int, int]:

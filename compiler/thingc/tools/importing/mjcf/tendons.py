@@ -34,7 +34,7 @@ class Tendons:
 
     `of` maps the indices of supported tendons to the converted tendons. Other tendons are recorded as losses. `joints` and `sites` contain
     the indices of imported elements. `on` maps each imported body to a link and the pose of the body in this link. `heads` maps each body
-    to the first body of its rigidly connected group.
+    to the first body of its link.
     """
 
     def __init__(
@@ -75,15 +75,15 @@ class Tendons:
         on, place = int(model.site_bodyid[side]), pose_of(model.site_pos[side], model.site_quat[side])
         if self.heads[on] != self.heads[body]:
             return "the side site and the wrapping geom are on different links"
-        shape = self._pose_in_group(body) @ pose_of(model.geom_pos[thing], model.geom_quat[thing])
-        x, y, z = (shape.inverse() @ self._pose_in_group(on) @ place).translation
+        shape = self._pose_in_link(body) @ pose_of(model.geom_pos[thing], model.geom_quat[thing])
+        x, y, z = (shape.inverse() @ self._pose_in_link(on) @ place).translation
         inside = hypot(x, y, z if kind == SPHERE else 0.0) <= float(model.geom_size[thing][0])
         return "documents do not support tendons that wrap inside a shape" if inside else ""
 
-    def _pose_in_group(self, body: int) -> Pose:
-        """Return the pose of a body in the frame of the first body of its rigidly connected group."""
+    def _pose_in_link(self, body: int) -> Pose:
+        """Return the pose of a body in the frame of the first body of its link."""
         pose = pose_of(self.model.body_pos[body], self.model.body_quat[body])
-        return pose if self.heads[body] == body else self._pose_in_group(int(self.model.body_parentid[body])) @ pose
+        return pose if self.heads[body] == body else self._pose_in_link(int(self.model.body_parentid[body])) @ pose
 
     def _tendon(self, number: int, wraps: range) -> SourceTendon:
         model, original = self.model, self.original
