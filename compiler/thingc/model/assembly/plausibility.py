@@ -273,8 +273,7 @@ def _check_armature(instance: Instance, joint: Joint, edge: JointEdge, robot: Ma
         what, own, unit = "inertia", maximum(robot.inertia[k][k] for k in range(3)), "kg*m^2"
     if armature > ROTOR * own > 0.0:
         compared = f"({armature:.4g} {unit}) is {times_words(armature / own)} times the {what} of the robot ({own:.4g} {unit})"
-        help = "check the unit and the ratio of the transmission"
-        found = f"the armature of joint `{joint.name}` {compared}"
+        found, help = f"the armature of joint `{joint.name}` {compared}", "check the unit and the ratio of the transmission"
         _warn_of_joint(Code.STATED, found, instance, joint, "dynamics.armature", findings, help=help)
 
 

@@ -18,6 +18,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from msgspec.structs import replace
 
 from thingc.base.frozen_struct import FrozenStruct
+from thingc.base.grouping import group_by
 from thingc.base.joints.twist import Twist, pose_after, velocities
 from thingc.base.numeric import dist, hypot, inf, maximum, minimum, sum_of
 from thingc.base.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, rotate, transpose, turn_of, turned_about
@@ -411,12 +412,10 @@ def _coordinates(joints: Mapping[str, JointEdge], length: float) -> Iterator[Loo
 
     The limits of a coordinate also respect the limits of the joints that mimic its joint.
     """
-    followers: dict[str, list[tuple[str, float, float]]] = {}
-    for path, (leader, multiplier, offset) in leaders(joints.values()).items():
-        followers.setdefault(leader, []).append((path, multiplier, offset))
+    followers = group_by(leaders(joints.values()).items(), lambda item: item[1][0])
     for path in (path for path in joints if path in followers):
         lower, upper = -inf, inf
-        for follower, multiplier, offset in followers[path]:
+        for follower, (_, multiplier, offset) in followers[path]:
             limit = joints[follower].limit
             low = -(inf if limit.cone is None else limit.cone) if limit.lower is None else limit.lower
             high = (inf if limit.cone is None else limit.cone) if limit.upper is None else limit.upper
@@ -427,7 +426,7 @@ def _coordinates(joints: Mapping[str, JointEdge], length: float) -> Iterator[Loo
                 continue
             ends = sorted(((low - offset) / multiplier, (high - offset) / multiplier))
             lower, upper = maximum(lower, ends[0]), minimum(upper, ends[1])
-        moves = tuple((follower, multiplier) for follower, multiplier, _ in followers[path])
+        moves = tuple((follower, multiplier) for follower, (_, multiplier, _) in followers[path])
         unit = 1.0 if joints[path].twist.turns else length
         yield LoopCoordinate(path=path, moves=moves, lower=lower, upper=maximum(lower, upper), unit=unit)
 

@@ -68,15 +68,9 @@ class UsedNames:
         A name in the mapping `earlier`, from an earlier import, keeps its document name. A valid name does not change, and has precedence
         over an equal name that results from a conversion.
         """
-        unique_names = list(dict.fromkeys(names))
-        taken: dict[str, str] = {}
-        for name in unique_names:
-            candidate = (earlier or {}).get(name)
-            if candidate is not None and candidate not in self and plain_name(candidate, kind) == candidate:
-                taken[name] = self.take(candidate, kind)
-        for name in sorted(unique_names, key=lambda name: plain_name(name, kind) != name):
-            if name not in taken:
-                taken[name] = self.take(name, kind)
+        unique_names, known = list(dict.fromkeys(names)), earlier or {}
+        order = sorted(unique_names, key=lambda name: (name not in known, plain_name(name, kind) != name))
+        taken = {name: self.take(known.get(name, name), kind) for name in order}
         return {name: taken[name] for name in unique_names}
 
 

@@ -70,10 +70,9 @@ def _bodies_and_contacts(
 
     The last result contains the pairs of components that touch at a part which a joint of a nested document moves.
     """
-    link_of = {member: link.index for link in assembly.links for member in link.members}
     moves = {
         one.index for one in assembly.occurrences
-        if one.path != (name := _component(one)) and link_of[one.index] != link_of[_bases(assembly, f"{name}/")[0]]
+        if one.path != (name := _component(one)) and assembly.link_of[one.index] != assembly.link_of[_bases(assembly, f"{name}/")[0]]
     }
     moved: list[Pair] = []
     parts = [

@@ -19,6 +19,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.numeric import dist, hypot
 from thingc.base.pose import Pose, Vector, along, cross, dot, rotate
 from thingc.geometry.features import CentreLine
+from thingc.tools.importing.document_names import UsedNames
 from thingc.tools.joints.contacts import Contact, ShaftContact, parallel, same_line
 
 FASTENERS = re.compile(r"screw|bolt|nut(?![a-z])|washer|rivet|dowel|standoff|spacer|(?<![a-z])(iso|din|m)_?\d", re.IGNORECASE)
@@ -96,7 +97,7 @@ class JointSearch:
                 by_ends.setdefault(frozenset((of[candidate.parent], of[candidate.child])), []).append(candidate)
             doubts = {one.key: doubt for ends, joints in by_ends.items() for one, doubt in _doubts_between(ends, joints)}
             if not doubts:
-                return self._name_proposals(candidates)
+                return _name_proposals(candidates)
             candidates = [replace(candidate, doubt=doubts.get(candidate.key, candidate.doubt)) for candidate in candidates]
 
     def groups(self, accepted: Sequence[JointProposal]) -> list[list[str]]:
@@ -121,17 +122,6 @@ class JointSearch:
     def _pair(self, one: str, other: str) -> Pair:
         first, second = sorted((one, other), key=self.order.index)
         return first, second
-
-    def _name_proposals(self, proposals: Sequence[JointProposal]) -> list[JointProposal]:
-        """Give every proposal a name that is unique."""
-        names: list[str] = []
-        for proposal in proposals:
-            name, number = f"{proposal.parent}_to_{proposal.child}", 1
-            while name in names:
-                number += 1
-                name = f"{proposal.parent}_to_{proposal.child}_{number}"
-            names.append(name)
-        return [replace(proposal, name=name) for proposal, name in zip(proposals, names, strict=True)]
 
     # --- joints that turn ---------------------------------------------------------------------------------------------
 
@@ -239,6 +229,12 @@ class JointSearch:
             if centre is not None:
                 doubt = "a bolt circle also fits a rigid connection"
                 yield JointProposal(name="", kind="revolute", parent=parent, child=child, line=centre, doubt=doubt)
+
+
+def _name_proposals(proposals: Sequence[JointProposal]) -> list[JointProposal]:
+    """Give every proposal a name that is unique."""
+    used = UsedNames()
+    return [replace(one, name=used.take(f"{one.parent}_to_{one.child}", "joint")) for one in proposals]
 
 
 def _doubts_between(ends: frozenset[int], joints: Sequence[JointProposal]) -> Iterator[tuple[JointProposal, str]]:

@@ -269,12 +269,11 @@ class _Reader:
             if body not in bare and body != root:
                 bare.discard(self.parents[body])
         self._mounts = bare
-        self._carried: dict[int, list[int]] = {}
         on: dict[int, tuple[int, Pose]] = {}
         for body in sorted(kept_bodies):
             link, pose = on[self.parents[body]] if body in bare else (body, NO_POSE)
             on[body] = link, pose @ self._pose(body) if body in bare else NO_POSE
-            self._carried.setdefault(link, []).append(body)
+        self._carried = group_by(on, lambda body: on[body][0])
         return on
 
     def _rigid_groups(self, bodies: Iterable[int], root: int) -> dict[int, int]:

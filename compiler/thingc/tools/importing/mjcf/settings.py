@@ -141,12 +141,10 @@ def _lose_parts(original: CompiledSource, members: Mapping[int, list[int]], mask
     """
     model = original.model
     fluid = bool(model.opt.density or model.opt.viscosity)
-    for body in sorted(body for bodies in members.values() for body in bodies) if fluid else ():
-        for geom in (geom for geom in original.geoms_of[body] if model.geom_fluid[geom][0]):
-            original.lose(
-                "geom", geom, f"drag of a geom of `{original.bodies[body]}` as an ellipsoid", "documents support drag only for whole links",
-            )
     for head, bodies in sorted(members.items()):
+        for geom in (geom for body in bodies for geom in original.geoms_of[body] if fluid and model.geom_fluid[geom][0]):
+            what = f"drag of a geom of `{original.bodies[int(model.geom_bodyid[geom])]}` as an ellipsoid"
+            original.lose("geom", geom, what, "documents support drag only for whole links")
         heavy = [body for body in bodies if model.body_mass[body] > 0.0]
         why = "bodies that are fixed to each other are one link"
         if len(heavy) == 1 and model.opt.density and _has_other_axes(original, heavy[0]):
