@@ -12,7 +12,7 @@ The other lanes are programs without thingc, for comparison. In the lane `templa
 meshes that were loaded once. The lane `edited` changes the mass of a body in an `MjSpec` and compiles it again. The lane `exchanged`
 replaces the meshes of a pen in an `MjSpec`. The lane `patched` writes the four numbers of `lent` into the fields of one model and calls
 `mj_setConst`. Other values that depend on the mass are not changed. The lane `copied` copies a model. In the lane `kernel`, another process
-(`kernel.py`) creates, measures and meshes the part of `a part`, which is the minimum cost of modelling.
+(`kernel.py`) creates, measures and meshes the part of `a part`, and writes its meshes, which is the minimum cost of modelling.
 
 Machines differ by more than the effects that are measured. Therefore, each rate is also given relative to the program that does most of the
 same work, measured in the same round. The columns `must` and `aim` contain the required ratio and the target ratio, computed from rates on
