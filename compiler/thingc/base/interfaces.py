@@ -115,7 +115,8 @@ class Bolts(MountFeature, kw_only=False):
     def check_lengths(self) -> None:
         """Raise `ValueError` if a hole is too small for the thread, or if two holes overlap."""
         size = nominal(self.thread) or 0.0
-        smallest_distance = min((dist(*pair) for pair in combinations(self.points, 2)), default=math.inf)
+        closest = min(combinations(self.points, 2), key=_squared_distance, default=None)  # the exact distance takes longer
+        smallest_distance = math.inf if closest is None else dist(*closest)
         if self.hole is not None and self.hole < HOLES[0] * size:
             raise ValueError(f"a hole of {mm(self.hole)} is too small for the thread {self.thread}")
         if smallest_distance <= (self.hole or size):
@@ -154,6 +155,12 @@ class Bolts(MountFeature, kw_only=False):
                 comparison = f"distance {mm(sqrt(square))}, in the frame of the first mount"
                 return [(expected, found, comparison) if swapped else (found, expected, comparison)]
         return []
+
+
+def _squared_distance(ends: tuple[tuple[float, float], tuple[float, float]]) -> float:
+    """Return the squared distance between two points in a plane."""
+    (x, y), (u, v) = ends
+    return (x - u) * (x - u) + (y - v) * (y - v)
 
 
 class RoundFeature(MountFeature, kw_only=False):

@@ -33,7 +33,8 @@ def argument_docs(docstring: str | None) -> dict[str, str]:
             _parse_indented(lines[start + 1:], texts)
         elif line.strip() == "Parameters" and start + 1 < len(lines) and re.fullmatch(r"-{3,}", lines[start + 1].strip()):
             _parse_numpy(lines[start + 2:], texts)
-    _parse_rest(lines, texts)
+    if ":param" in docstring:
+        _parse_rest(lines, texts)
     return {name: " ".join(" ".join(parts).split()) for name, parts in texts.items()}
 
 

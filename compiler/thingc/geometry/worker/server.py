@@ -23,6 +23,8 @@ from typing import Any
 
 from msgspec import convert, to_builtins
 
+from thingc.geometry.print_slices import Slicing
+from thingc.geometry.record import Mesh
 from thingc.geometry.store.local import Outbox, Store, StoreUnusable
 from thingc.geometry.worker.captured_output import lines_of
 from thingc.geometry.worker.children import WATCH, Child, die_with_parent, fork_child, live_without_parent
@@ -203,7 +205,6 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
 
         return {"pieces": decompose(request["mesh"], request["most"], store)}
     if operation == "slice":
-        from thingc.geometry.print_slices import Slicing
         from thingc.geometry.worker.kernel.slicing import slice_stored
 
         return slice_stored(request["mesh"], convert(request["slicing"], Slicing), store)
@@ -231,8 +232,6 @@ def _likely_slices(answer: Mapping[str, Any], likely: Iterable[tuple[Mapping[str
 
     Return a list of pairs. Each pair contains the settings and the result as JSON values. If slicing fails, the pair is omitted.
     """
-    from thingc.geometry.print_slices import Slicing
-    from thingc.geometry.record import Mesh
     from thingc.geometry.worker.kernel.slicing import slice_stored
 
     record = answer.get("record", {})

@@ -76,6 +76,10 @@ class Tessellations(FrozenStruct):
     simulation: Tessellation
 
 
+# msgspec resolves and caches the annotations of these structs here, so that no child process of the server has to resolve them
+msgspec.json.Decoder(tuple[records.PartRecord, RequestContext, Tessellations])
+
+
 class BuiltPart(FrozenStruct):
     """The geometry that part code or a part file defines, before it is measured.
 

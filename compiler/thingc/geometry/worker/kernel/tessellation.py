@@ -57,13 +57,10 @@ def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
         face.plane and all(number in curved_edges or _straight(edge) for edge, number in zip(face.edges, face.numbers, strict=True))
         for face in faces
     ]
-    if any(filled):
-        mesh = _mesh_shape(shape, faces, filled, linear, angular)
-        if mesh is not None:
-            return mesh
-    kernel_mesh = _mesh_shape(shape, faces, [False] * len(faces), linear, angular)
-    assert kernel_mesh is not None
-    return kernel_mesh
+    by_kernel = [False] * len(faces)
+    mesh = _mesh_shape(shape, faces, filled, linear, angular) or _mesh_shape(shape, faces, by_kernel, linear, angular)
+    assert mesh is not None
+    return mesh
 
 
 class _Face(FrozenStruct, kw_only=False):
