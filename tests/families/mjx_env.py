@@ -145,6 +145,7 @@ def test_numbers_that_move_mounts_are_refused(feet: thingc.RobotFamily) -> None:
     with pytest.raises(FamilyError, match="do not support a variable `.*`, which depends on length") as caught:
         MjxEnv(feet, ["length"], MODES, reward=velocity)
     assert caught.value.help == "use `at` to fix the numbers that move links, joints or mounts"
+    assert MjxEnv(feet, ["length"], (), reward=velocity).modes == ("front_foot",)
     for option, value, words in (
         ("noise", "x", "a number of at least 0, found x"), ("noise", float("nan"), "a number of at least 0, found nan"),
         ("noise", -0.1, "a number of at least 0, found -0.1"), ("frame_skip", "5", "a whole number of at least 1, found 5"),

@@ -198,6 +198,7 @@ def test_spaces_of_variants_and_parameters(many: thingc.RobotFamily, everything:
     own = everything.space
     assert own.names == ("load", "length", "stiff", "teeth", "heavy")
     assert own["heavy"].choices == (False, True) and own["stiff"].high is None and not own["stiff"].bounded
+    assert [dimension.unit for dimension in own] == ["kg", "m", "N*m/rad", "", ""]
     with pytest.raises(KeyError, match="unknown setting `lenth`: did you mean `length`"):
         own["lenth"]
     for wrong in (5, {"length": "long"}, {"length": None}, {"heavy": 2}):

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from thingc.base.one_line_repr import OneLineStruct
-from thingc.base.units import NUMBER, Quantity
+from thingc.base.units import Quantity
 from thingc.batch.axes import Axis
 from thingc.batch.results import require_known
+from thingc.batch.values import standard_unit
 from thingc.documents.expressions.evaluation import ExpressionValue, plain
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 
@@ -140,10 +141,10 @@ def of_axes(axes: Sequence[Axis], document_values: Mapping[str, ExpressionValue]
 
 def _of_axis(axis: Axis, document_value: ExpressionValue | None) -> SpaceDimension:
     value = None if document_value is None else plain(document_value)
+    unit = next((standard_unit(entry.dimension) for entry in axis.range or axis.values if isinstance(entry, Quantity)), "")
     if axis.range is not None:
         low, high = axis.range
-        return SpaceDimension(name=axis.key, unit=low.dimension.symbol, low=low.value, high=high.value, whole=axis.whole, value=value)
-    unit = next((entry.dimension.symbol for entry in axis.values if isinstance(entry, Quantity)), "")
+        return SpaceDimension(name=axis.key, unit=unit, low=low.value, high=high.value, whole=axis.whole, value=value)
     return SpaceDimension(name=axis.key, unit=unit, choices=tuple(plain(entry) for entry in axis.values), value=value)
 
 
@@ -153,14 +154,13 @@ def of_parameters(spec: AssemblySpec, values: Mapping[str, ExpressionValue], bou
     The callback `bound(name, key)` returns a bound of a parameter [SI].
     """
     dimensions: list[SpaceDimension] = []
-    for name, document_value in values.items():
+    for name, value in values.items():
         entry = spec.parameters[name]
-        if isinstance(document_value, bool):
-            dimensions.append(SpaceDimension(name=name, choices=(False, True), value=document_value))
-        elif isinstance(document_value, Quantity):
+        if isinstance(value, bool):
+            dimensions.append(SpaceDimension(name=name, choices=(False, True), value=value))
+        elif isinstance(value, Quantity):
             low, high = (bound(name, key) if isinstance(entry, ParameterSpec) else None for key in ("min", "max"))
-            symbol = "" if document_value.dimension == NUMBER else document_value.dimension.symbol
-            dimensions.append(SpaceDimension(name=name, unit=symbol, low=low, high=high, value=document_value.value))
+            dimensions.append(SpaceDimension(name=name, unit=standard_unit(value.dimension), low=low, high=high, value=value.value))
         else:
-            dimensions.append(SpaceDimension(name=name, value=document_value))
+            dimensions.append(SpaceDimension(name=name, value=value))
     return SearchSpace(dimensions)

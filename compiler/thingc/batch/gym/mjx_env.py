@@ -111,7 +111,8 @@ class MjxEnv:
     Args:
         family: The family of robots.
         names: The numbers in the document in which robots differ. With several modes, these numbers cannot move links, joints or mounts.
-        modes: The modes between which actions can switch. Episodes start in the first mode, in its first keyframe.
+        modes: The modes between which actions can switch (if empty: the mode of the family). Episodes start in the first mode, in its
+            first keyframe.
         reward: A function of an `MjxStep`.
         terminated: A function of an `MjxStep` that returns True to end an episode.
         observation: A function of an `MjxStep` (default: `default_observation`).
@@ -134,7 +135,7 @@ class MjxEnv:
     ) -> None:
         at_least(1, frame_skip=frame_skip, max_steps=max_steps)
         at_least(0, whole=False, noise=noise)
-        self.modes = as_names(modes=modes)
+        self.modes = as_names(modes=modes) or (family.mode,)
         robot = family.modes(at or {}, *self.modes)  # in this order, from which that of the joints follows, as in `make_env`
         if isinstance(robot, NoModel):
             raise FamilyError(robot.reason)
