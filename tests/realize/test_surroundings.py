@@ -12,6 +12,7 @@ import textwrap
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -97,6 +98,25 @@ def test_parts_run_with_one_thread(place: Any, define: Callable[..., Any]) -> No
     with place.service() as service:
         (answer,) = service.realize([define("many:Many")]).values()
     assert told(answer) == {"more": 0, "processors": sorted(os.sched_getaffinity(0))}
+
+
+def test_state_of_the_code_is_read_once_per_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fingerprint depends on every file of thingc, as it was when this process first needed the fingerprint."""
+    from thingc.driver import up_to_date
+
+    module = tmp_path / "room" / "module.py"
+    module.parent.mkdir()
+    module.write_text("A = 1\n")
+    monkeypatch.setattr(up_to_date, "thingc", SimpleNamespace(__file__=str(tmp_path / "__init__.py")))
+    up_to_date._code_state.cache_clear()
+    try:
+        before = up_to_date.fingerprint()
+        module.write_text("A = 10\n")
+        assert up_to_date.fingerprint() == before
+        up_to_date._code_state.cache_clear()  # as in a new process
+        assert up_to_date.fingerprint() != before
+    finally:
+        up_to_date._code_state.cache_clear()
 
 
 def test_passed_variable_is_part_of_the_key(place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:

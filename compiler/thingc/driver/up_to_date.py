@@ -38,19 +38,27 @@ def fingerprint() -> str:
 
     variables = [*sorted(passed_variables().items()), os.environ.get("SOURCE_DATE_EPOCH")]
     digest = hashlib.sha256(f"{sys.version}\n{variables}\n".encode("utf-8", "surrogateescape"))
-    for entry in sys.path:
-        if not entry or not os.path.isdir(entry):
-            continue
+    for entry in filter(os.path.isdir, sys.path):
         for name in sorted(os.listdir(entry)):
             if name.endswith((".dist-info", ".egg-info", ".pth")):
                 digest.update(f"{entry}/{name}\n".encode())
-    package_folder = os.path.dirname(thingc.__file__)
+    digest.update(_code_state())
+    return digest.hexdigest()
+
+
+@cache
+def _code_state() -> bytes:
+    """Return the sizes and modification times of all files of thingc.
+
+    They are read once per process, because a process continues to run the code that it has loaded, even if the files change.
+    """
+    package_folder, lines = os.path.dirname(thingc.__file__), []
     for folder, folders, names in os.walk(package_folder):
         folders[:] = sorted(name for name in folders if name != "__pycache__")
         for name in sorted(names):
             state = os.stat(f"{folder}/{name}")
-            digest.update(f"{folder[len(package_folder):]}/{name} {state.st_size} {state.st_mtime_ns}\n".encode())
-    return digest.hexdigest()
+            lines.append(f"{folder[len(package_folder):]}/{name} {state.st_size} {state.st_mtime_ns}\n")
+    return "".join(lines).encode()
 
 
 def state_of(path: str, store: Store | None = None) -> str | None:
@@ -84,12 +92,10 @@ def save(
     The stamp contains the inputs, the diagnostics, and the result `answer` of the command. `inputs` maps absolute paths to digests (see
     `state_of`). If an input has changed during the run, `inputs` is None, and nothing is saved.
     """
-
-    if inputs is None:
-        return
-    plain = [to_plain(d) for d in diagnostics]
-    stamp = {"fingerprint": fingerprint(), "inputs": dict(inputs), "diagnostics": plain, "answer": dict(answer)}
-    store.note_json("stamp", key, stamp)
+    if inputs is not None:
+        plain = [to_plain(d) for d in diagnostics]
+        stamp = {"fingerprint": fingerprint(), "inputs": dict(inputs), "diagnostics": plain, "answer": dict(answer)}
+        store.note_json("stamp", key, stamp)
 
 
 def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | None:
