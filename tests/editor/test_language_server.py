@@ -186,9 +186,9 @@ thingc: assembly/1
 name: many
 components:
   first: {part: thingc_stock.fasteners:Screw}
-  screw: {part: thingc_stock.fasteners:Screw, repeat: {count: 400}, attach: {seat: first.seat}}
+  screw: {part: thingc_stock.fasteners:Screw, repeat: {count: 200}, attach: {seat: first.seat}}
 mounts:
-  last: screw_399.seat
+  last: screw_199.seat
 """
     (tmp_path / "many.yaml").write_text(text)
     thingc(tmp_path, shared_store, "schema")
@@ -196,9 +196,9 @@ mounts:
     server = LanguageServer(program, tmp_path, schemas_of(tmp_path))
     try:
         assert server.show("many.yaml", text) == []
-        assert {"screw_0.seat", "screw_399.seat"} <= server.complete("many.yaml", edited(text, "screw_399.seat", "|")).keys()
-        wrong = edited(text, "screw_399.seat", "screw_399.seet")
-        assert blamed(wrong, server.show("many.yaml", wrong)) == ["screw_399.seet"]
+        assert {"screw_0.seat", "screw_199.seat"} <= server.complete("many.yaml", edited(text, "screw_199.seat", "|")).keys()
+        wrong = edited(text, "screw_199.seat", "screw_199.seet")
+        assert blamed(wrong, server.show("many.yaml", wrong)) == ["screw_199.seet"]
     finally:
         server.close()
 
