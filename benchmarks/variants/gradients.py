@@ -17,18 +17,23 @@ in one call, relative to `models(share=False)`. The column `XML` is this speed r
 
 The last row differentiates a height after 200 simulation steps in MJX, and compares the derivatives with finite differences in MuJoCo. The
 program exits with 1 if a result exceeds its bound.
+
+`--import FILE` imports a robot from an MJCF file into a temporary workspace, and prints the rows of this robot, and the rows of
+`switches.py` for switches between the root of the file and the last link. The parameters are masses of three links, an offset of a link,
+and gains and damping of three joints.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import re
 import statistics
 import sys
 import tempfile
 import textwrap
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -38,10 +43,15 @@ import mujoco
 import numpy as np
 from mjx_fields import leaves, one_of
 from mujoco import mjx
+from ruamel.yaml import YAML
+from switches import report_switches
 
 import thingc
+from thingc.base.diagnostics import Report
 from thingc.batch.families import FamilyFunction
 from thingc.batch.plans.program import Operation, Program, expression, operand
+from thingc.tools.importing.import_request import ImportRequest
+from thingc.tools.importing.importing import Imported, import_robot
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
@@ -83,6 +93,8 @@ IN_MJX: dict[str, tuple[str, tuple[str, ...], str]] = {
 EULER = {"simulation.integrator": "euler"}
 """Settings that select the Euler integrator, because MJX integrates damped drives differently from MuJoCo with `implicitfast`."""
 SINGLE, MODELS, XML, SLOPE = 1e-6, 10.0, 30.0, 1e-6
+HEAD = f"{'':9} {'lines':>6} {'bits':>11} {'value':>8} {'jacobian':>9} {'error':>8}"
+HEAD_OF_MJX = f"{'MJX':9} {'f64':>8} {'f32':>8} {'models':>8} {'XML':>8}"
 
 
 def main() -> int:
@@ -91,11 +103,14 @@ def main() -> int:
     parser.add_argument("--no-parts", action="store_true", help="skip measurements that build parts")
     parser.add_argument("--no-mjx", action="store_true", help="without MJX")
     parser.add_argument("--only-mjx", action="store_true", help="only MJX")
+    parser.add_argument("--import", dest="source", metavar="FILE", help="only the robot in an MJCF file")
     options = parser.parse_args()
+    if options.source is not None:
+        return bool(report_imported(options.source, options.count))
     if options.only_mjx:
         return bool(report_mjx(options.count))
     missed = []
-    print(f"{'':9} {'lines':>6} {'bits':>11} {'value':>8} {'jacobian':>9} {'error':>8}")
+    print(HEAD)
     with tempfile.TemporaryDirectory() as folder:
         write_documents(Path(folder))
         for name, (document, names, outputs) in ROBOTS.items():
@@ -119,6 +134,66 @@ def write_documents(folder: Path) -> None:
     assert boom is not None
     for name, text in {**WORKSPACE, "boom.yaml": boom[1]}.items():
         (folder / name).write_text(textwrap.dedent(text))
+
+
+def report_imported(source: str, count: int) -> list[str]:
+    """Print the rows of a robot that is imported from a file. Return a description of each result that exceeds its bound."""
+    first = imported_from(source)
+    last = first.robot.links[-1].name
+    imported = imported_from(source, ImportRequest(roots=[last]))
+    words = YAML(typ="safe").load(imported.files[imported.document])
+    links, drives = numbers_of(words)
+    modes = list(words["modes"])
+    with tempfile.TemporaryDirectory() as folder:
+        for name, content in imported.files.items():
+            path = Path(folder) / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+        document = Path(folder) / imported.document
+        print(f"{imported.name}: {', '.join((*links, *drives))}", HEAD, sep="\n")
+        with thingc.family(document, verify=0) as family:
+            missed = report(imported.name, family, family.function(links, ALL), count)
+        print(HEAD_OF_MJX)
+        with thingc.family(document, verify=0, compat="mjx", mode=modes[0]) as family:
+            missed += report_models(imported.name, family, (*links, *drives), count, {**EULER, "simulation.cone": "pyramidal"})
+        jax.config.update("jax_enable_x64", True)
+        missed += report_switches({str(document): list(itertools.permutations(modes))}, count)
+    for one in missed:
+        print(f"MISSED {one}")
+    return missed
+
+
+def imported_from(source: str, request: ImportRequest | None = None) -> Imported:
+    """Import a robot from a file."""
+    problems = Report()
+    imported = import_robot(source, problems, request or ImportRequest())
+    assert imported is not None, [one.message for one in problems.diagnostics]
+    return imported
+
+
+def numbers_of(words: Mapping[str, Any]) -> tuple[list[str], list[str]]:
+    """Return the paths of some numbers in the document of an imported robot: of links, and of the drives and the damping of joints.
+
+    The numbers are the masses of the first, the middle and the last link, the greatest coordinate of the first mount, and the gains and
+    damping of the first, the middle and the last joint.
+    """
+    components, joints = words["components"], words["joints"]
+    links = [f"components.{name}.mass" for name in ends([name for name, of in components.items() if "mass" in of])]
+    name, mount, place = next(
+        (name, mount, re.findall(r"[-+\d.e]+(?= |$)", place["xyz"]))
+        for name, of in components.items() for mount, place in of.get("mounts", {}).items() if "xyz" in place
+    )
+    greatest = max(range(3), key=lambda axis: abs(float(place[axis])))
+    drives = [
+        f"joints.{name}.{section}.{key}" for name in ends(list(joints))
+        for section, key in (("drive", "kp"), ("drive", "kv"), ("dynamics", "damping")) if key in joints[name].get(section, {})
+    ]
+    return [*links, f"components.{name}.mounts.{mount}.xyz.{greatest}"], drives
+
+
+def ends(names: Sequence[str]) -> list[str]:
+    """Return the first, the middle and the last name."""
+    return list(dict.fromkeys((names[0], names[len(names) // 2], names[-1])))
 
 
 def report(name: str, family: thingc.RobotFamily, function: FamilyFunction, count: int) -> list[str]:
@@ -148,7 +223,7 @@ def report(name: str, family: thingc.RobotFamily, function: FamilyFunction, coun
 def report_mjx(count: int) -> list[str]:
     """Print the rows of MJX. Return a description of each result that exceeds its bound."""
     missed = []
-    print(f"{'MJX':9} {'f64':>8} {'f32':>8} {'models':>8} {'XML':>8}")
+    print(HEAD_OF_MJX)
     with tempfile.TemporaryDirectory() as folder:
         write_documents(Path(folder))
         for name, (document, names, mode) in IN_MJX.items():

@@ -16,7 +16,7 @@ from modes.test_held_twice import chain, four_bar
 from modes.test_part_bases import PUCK
 from modes.test_random_trees import random_tree
 from thingc.modes import Mode, Modes, ModesError
-from thingc.modes.frames import pose, rotation_of
+from thingc.modes.frames import RANK, back_substitute, half_solve, pose, rotation_of, smallest_solution
 from thingc.modes.jax import State, switch
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("in_double_precision")]
@@ -82,6 +82,74 @@ def test_vectorized_switch_equals_single_switches(
         np.testing.assert_allclose(impulses[world], expected.impulse, rtol=0, atol=1e-13 * scale)
     moved = impulses if on_motion == "impact" else removed if modes[new].base != "free" else found.twist
     assert np.abs(moved).max() > 1e-3
+
+
+def equations(rows: int, columns: int, dtype: str = "float64") -> tuple[np.ndarray, np.ndarray]:
+    """Consistent equations A x = b with a well-conditioned matrix of every rank, and with equations that are 0, repeated or scaled."""
+    rng = np.random.default_rng(rows + 100 * columns)
+    matrices = []
+    for rank in range(min(rows, columns) + 1):
+        bases = [np.linalg.qr(rng.normal(size=(size, size)))[0][:, :rank] for size in (rank, columns)]
+        independent = bases[0] * rng.uniform(1.0, 3.0, rank) @ bases[1].T
+        for first in range(2):  # the first equations are dependent, or the last ones
+            others = np.resize(0.5 * independent, (rows - rank, columns)) if rank else np.zeros((rows, columns))
+            others[:1] = 0.0
+            matrices.append(np.concatenate([others, independent][:: -1 if first else 1]))
+    A = np.array(matrices, dtype)
+    return A, (A @ rng.normal(size=(len(A), columns, 1)))[:, :, 0].astype(dtype)
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(3, 5), (6, 4)])
+def test_smallest_solution_for_every_rank(rows: int, columns: int) -> None:
+    """The solutions equal those of numpy's `lstsq`. Derivatives along matrices of the same rank equal finite differences."""
+    A, b = equations(rows, columns)
+    solve = jax.jit(jax.vmap(lambda A, b: smallest_solution(A, b, jnp)))
+    expected = np.array([np.linalg.lstsq(*pair, rcond=RANK)[0] for pair in zip(A, b, strict=True)])
+    assert np.abs(solve(A, b) - expected).max() <= 1e-13 * np.abs(expected).max()
+    change, x = np.random.default_rng(1).normal(size=(2, columns, columns)) * [[[0.1]], [[1.0]]]
+
+    def moved(t: object) -> object:
+        turned = A @ (jnp.eye(columns) + t * jnp.asarray(change))
+        return solve(turned, turned @ x[0])
+
+    ahead, behind = (
+        np.array([np.linalg.lstsq(one, one @ x[0], rcond=RANK)[0] for one in A @ (np.eye(columns) + t * change)]) for t in (1e-5, -1e-5)
+    )
+    np.testing.assert_allclose(jax.jit(jax.jacfwd(moved))(0.0), (ahead - behind) / 2e-5, rtol=0, atol=1e-8)
+    slope = jax.jit(jax.grad(lambda t: moved(t).sum()))(0.0)
+    assert slope == pytest.approx((ahead - behind).sum() / 2e-5, abs=1e-7)
+
+
+def test_smallest_solution_in_single_precision() -> None:
+    """Rounding errors are not mistaken for independent equations."""
+    jax.config.update("jax_enable_x64", False)
+    A, b = equations(6, 4, "float32")
+    found = jax.jit(jax.vmap(lambda A, b: smallest_solution(A, b, jnp)))(A, b)
+    expected = [np.linalg.lstsq(*pair, rcond=1e-4)[0] for pair in zip(A, b, strict=True)]
+    assert found.dtype == "float32" and np.abs(found - np.array(expected)).max() < 1e-4
+
+
+def test_nearly_dependent_equations_are_satisfied() -> None:
+    """The residuals stay small although the coordinates along the last equation are computed with an error of 1e-8."""
+    A = np.random.default_rng(1).normal(size=(3, 6))
+    A[2] = A[0] - A[1] + 1e-8 * A[2]
+    b = A @ np.ones(6)
+    x = jax.jit(lambda A, b: smallest_solution(A, b, jnp))(A, b)
+    assert np.abs(A @ np.asarray(x) - b).max() < 1e-14
+
+
+def test_positive_definite_system_is_solved_in_two_halves() -> None:
+    root, right = np.split(np.random.default_rng(1).normal(size=(7, 10)), [7], axis=1)
+    A = root @ root.T + np.eye(7)
+
+    @jax.jit
+    def solve(A: object, right: object) -> object:
+        U, Y = half_solve(A, right, jnp)  # type: ignore[arg-type]
+        return U, back_substitute(U, Y[:, 1], jnp)
+
+    U, x = solve(A, right)
+    np.testing.assert_allclose(U, np.linalg.cholesky(A).T, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(x, np.linalg.solve(A, right[:, 1]), rtol=0, atol=1e-13)
 
 
 def test_switch_is_differentiable() -> None:

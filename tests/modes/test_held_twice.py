@@ -109,6 +109,18 @@ def test_moving_hold_is_an_error(made: Made) -> None:
     assert not dropped.removed.any() and not dropped.holds["c8/tip"].impulse.any()
 
 
+def test_redundant_impulses_are_the_smallest() -> None:
+    """Four joints cannot move between two held links. The oracle is the solution with the smallest norm for MuJoCo's Jacobians."""
+    short = chain(5)
+    one, other = stir(np.random.default_rng(6), short.data("float")), short.data("bridge")
+    switched = short.modes.switch(("float", one), ("bridge", other), on_motion="impact")
+    J = np.vstack([jacobian(one, link) for link in ("c0", "c4")])
+    expected = np.linalg.lstsq(J.T, -mass_matrix(one) @ one.qvel, rcond=1e-10)[0]
+    impulses = {"c0": switched.impulse, "c4": switched.holds["c4/tip"].impulse}
+    turned = [np.concatenate([p[:3], bodies(one)[link][0][:3, :3] @ p[3:]]) for link, p in impulses.items()]
+    assert np.concatenate(turned) == pytest.approx(expected, abs=1e-9) and np.abs(expected).max() > 1e-2
+
+
 @pytest.mark.parametrize("target", ["bridge", "hung"])
 def test_impact_at_two_links(made: Made, target: str) -> None:
     """The oracle is the projection with MuJoCo's mass matrix and Jacobians of the stopped links in the floating robot."""

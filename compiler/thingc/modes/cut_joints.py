@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from thingc.modes.frames import Array, exponential, generators, inverse, logarithm, moved_twist, rotation_vector
+from thingc.modes.frames import Array, exponential, generators, inverse, logarithm, moved_twist, projection, rotation_vector
 from thingc.modes.tree import Cut, Mode
 
 STEPS = 50
@@ -62,8 +62,7 @@ def freedoms(cut: Cut, q: Array, X_WB: Array, xp: Any = np) -> Array:
     """
     R = X_WB[:3, :3]
     if cut.kind == "ball":  # v is the angular velocity of the child in its own axes
-        jacobian: Array = xp.concatenate([np.zeros((3, 3)), R])
-        return jacobian
+        return xp.concatenate([np.zeros((3, 3)), R])  # type: ignore[no-any-return]
     _, twists = _joint_motion(cut, q, xp)
     rows: Array = xp.concatenate([R @ twists[:, 3:].T, R @ twists[:, :3].T])
     return rows
@@ -75,11 +74,7 @@ def constraint_projector(cut: Cut, q: Array, X_WB: Array, xp: Any = np) -> Array
     The matrix is an orthogonal projection. The components of the relative velocity have the same order as the rows of the Jacobian that
     `freedoms` returns.
     """
-    if not cut.coordinates:
-        return np.eye(6)
-    F = freedoms(cut, q, X_WB, xp)
-    projection: Array = np.eye(6) - F @ xp.linalg.solve(F.T @ F, F.T)
-    return projection
+    return np.eye(6) - projection(freedoms(cut, q, X_WB, xp), xp)
 
 
 def _nearest(A: Array, b: Array, xp: Any) -> Array:
@@ -99,4 +94,4 @@ def _joint_motion(cut: Cut, q: Array, xp: Any) -> tuple[Array, Array]:
     for k in range(len(cut.twists) - 1, -1, -1):
         twists.append(moved_twist(inverse(X, xp), cut.twists[k], xp))
         X = exponential(_generators(cut)[k], q[k], xp) @ X
-    return X, xp.asarray(twists[::-1])
+    return X, xp.asarray(twists[::-1]).reshape(-1, 6)

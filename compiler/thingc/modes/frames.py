@@ -17,8 +17,10 @@ Array = NDArray[np.float64]
 
 BOTTOM = np.array([[0.0, 0.0, 0.0, 1.0]])
 """The last row of the homogeneous matrix of any pose."""
-SMALL = 12
-"""Largest number of equations that `solve_positive` solves by elimination in JAX."""
+RANK = 1e-10
+"""Equations with coefficients that are smaller than this fraction of the largest coefficients depend on the other equations."""
+SMALL = 24
+"""Largest number of independent equations that are solved without LAPACK in JAX."""
 CROSS = np.zeros((3, 9))
 """The cross product matrices of the unit vectors along x, y and z, each flattened to one row."""
 CROSS[[0, 1, 2], [7, 2, 3]], CROSS[[0, 1, 2], [5, 6, 1]] = 1.0, -1.0
@@ -112,14 +114,13 @@ def rotation_vector(rotation: Array, xp: Any = np) -> Array:
 
 def logarithm(X: Array, xp: Any = np) -> Array:
     """Return the rotation vector [rad] and the translation [m] of a pose as one vector (6,). The pose must be near the identity."""
-    both: Array = xp.concatenate([rotation_vector(X[:3, :3], xp), X[:3, 3]])
-    return both
+    return xp.concatenate([rotation_vector(X[:3, :3], xp), X[:3, 3]])  # type: ignore[no-any-return]
 
 
 def moved_twist(X: Array, twist: Array, xp: Any = np) -> Array:
     """Transform a twist from frame B to frame A. `X` (4, 4) is the pose of frame B in frame A. The angular part of a twist comes first."""
     angular = X[:3, :3] @ twist[:3]
-    both: Array = xp.concatenate([angular, X[:3, :3] @ twist[3:] + cross(X[:3, 3], angular)])
+    both: Array = xp.concatenate([angular, X[:3, :3] @ twist[3:] + cross(X[:3, 3], angular, xp)])
     return both
 
 
@@ -129,24 +130,22 @@ def cross_matrix(v: Array) -> Array:
     return matrix
 
 
-def cross_columns(v: Array, columns: Array) -> Array:
+def cross_columns(v: Array, columns: Array, xp: Any = np) -> Array:
     """Return the cross products (..., 3, k) of a vector v (..., 3) and the columns of a matrix (..., 3, k).
 
     In JAX, the products are not computed with `cross_matrix`, because XLA combines these operations with others, but not products of many
     matrices.
     """
-    if isinstance(columns, np.ndarray):
+    if xp is np:
         return cross_matrix(v) @ columns
     x, y, z = (v[..., k, None] for k in range(3))
     a, b, c = (columns[..., k, :] for k in range(3))
-    products: Array = columns.__array_namespace__().stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=-2)
-    return products
+    return xp.stack([y * c - z * b, z * a - x * c, x * b - y * a], axis=-2)  # type: ignore[no-any-return]
 
 
-def cross(v: Array, w: Array) -> Array:
+def cross(v: Array, w: Array, xp: Any = np) -> Array:
     """Return the cross product v x w of two vectors (..., 3)."""
-    vector: Array = cross_columns(v, w[..., None])[..., 0]
-    return vector
+    return cross_columns(v, w[..., None], xp)[..., 0]
 
 
 def product(A: Array, B: Array, xp: Any) -> Array:
@@ -158,21 +157,62 @@ def product(A: Array, B: Array, xp: Any) -> Array:
     return result
 
 
-def solve_positive(A: Array, b: Array, xp: Any) -> Array:
-    """Solve A x = b for a symmetric positive definite matrix A (n, n) and a vector b (n,).
+def half_solve(A: Array, B: Array, xp: Any) -> tuple[Array, Array]:
+    """Return the upper triangular matrix U (n, n) for which U^T U = A, and the solution Y (n, k) of U^T Y = B.
 
-    In JAX, small systems are solved by elimination, because `jax.numpy.linalg.solve` calls LAPACK separately for each matrix.
+    The matrix A must be symmetric and positive definite. In JAX, small systems are solved by elimination, because `jax.numpy.linalg` calls
+    LAPACK separately for each matrix.
     """
-    if xp is np or len(b) > SMALL:
-        return xp.linalg.solve(A, b)  # type: ignore[no-any-return]
+    if xp is np or len(A) > SMALL:
+        L = xp.linalg.cholesky(A)
+        return L.T, xp.linalg.solve(L, B)
+    rows, remaining = [], xp.concatenate([A, B], axis=1)
+    for number in range(len(A)):
+        row = remaining[0] / xp.sqrt(remaining[0, 0])
+        rows.append(xp.concatenate([np.zeros(number), row]))
+        remaining = remaining[1:, 1:] - row[1 : len(remaining), None] * row[1:]
+    found = xp.asarray(rows).reshape(len(A), len(A) + B.shape[1])
+    return found[:, : len(A)], found[:, len(A) :]
+
+
+def back_substitute(U: Array, y: Array, xp: Any) -> Array:
+    """Return the solution x (n,) of U x = y for an upper triangular matrix U (n, n). In JAX, LAPACK is used as in `half_solve`."""
+    if xp is np or len(U) > SMALL:
+        return xp.linalg.solve(U, y)  # type: ignore[no-any-return]
     x: Array = xp.zeros(0)
-    rows, remaining = [], xp.concatenate([A, b[:, None]], axis=1)
-    for _ in range(len(b)):
-        row = remaining[0] / remaining[0, 0]
-        rows.append(row)
-        remaining = remaining[1:, 1:] - remaining[1:, :1] * row[1:]
-    for row in reversed(rows):
-        x = xp.concatenate([row[-1:] - row[1:-1] @ x, x])
+    for k in reversed(range(len(U))):
+        x = xp.concatenate([(y[k] - (U[k, k + 1 :] * x).sum())[None] / U[k, k], x])
+    return x
+
+
+def projection(A: Array, xp: Any) -> Array:
+    """Return the matrix (m, m) of the orthogonal projection onto the n columns of A (m, n), which must be linearly independent."""
+    basis = half_solve(A.T @ A, A.T, xp)[1]
+    return basis.T @ basis
+
+
+def smallest_solution(A: Array, b: Array, xp: Any) -> Array:
+    """Return the solution x (n,) of A x = b that has the smallest norm. The matrix A (m, n) can have any rank.
+
+    The equations must be consistent, except for rounding errors. In JAX, small systems are solved without LAPACK, as in `half_solve`. Each
+    step of this method selects the equation with the largest remaining coefficients, scales it to the norm 1, and makes all other equations
+    orthogonal to it (modified Gram-Schmidt method). Equations that depend on the selected equations then have no coefficients.
+    """
+    if xp is np or min(A.shape) > SMALL:
+        return xp.linalg.lstsq(A, b, rcond=RANK)[0]  # type: ignore[no-any-return]
+    selected: list[Array] = []
+    remaining = xp.concatenate([A.T, b[None]])
+    least = max(RANK, 100.0 * float(xp.finfo(A.dtype).eps)) ** 2 * xp.max((A**2).sum(axis=1))
+    for _ in range(min(A.shape)):
+        is_largest = np.arange(len(A)) == xp.argmax(reduce(add, remaining[:-1] ** 2))
+        largest = product(remaining, is_largest[:, None], xp)[:, 0]  # faster than an index that differs between worlds
+        square = reduce(add, largest[:-1] ** 2)
+        scale = xp.sqrt(xp.where(square > least, square, 1.0))
+        selected.append(xp.where(square > least, largest / scale, 0.0))
+        remaining = remaining - selected[-1][:, None] * product(selected[-1][None, :-1], remaining[:-1], xp)
+    x: Array = xp.zeros(A.shape[1])
+    for row in reversed(selected):  # this order makes the errors of all equations small, although the rows are only nearly orthogonal
+        x = x + (row[-1] - (row[:-1] * x).sum()) * row[:-1]
     return x
 
 

@@ -9,13 +9,10 @@ import numpy as np
 
 from thingc.base.one_line_repr import OneLineStruct
 from thingc.modes.cut_joints import constraint_projector, coordinates, usual
-from thingc.modes.frames import Array, cross, cross_columns, inverse, solve_positive
+from thingc.modes.frames import Array, back_substitute, cross, cross_columns, half_solve, inverse, product, projection, smallest_solution
 from thingc.modes.kinematics import kinematics, sum_over_links
 from thingc.modes.state import RobotState, State
 from thingc.modes.tree import Cut, Hold, Inertias, Mode
-
-RANK = 1e-10
-"""Singular values that are smaller than this fraction of the largest singular value are treated as 0."""
 
 
 class Impact(OneLineStruct, eq=False):
@@ -60,45 +57,48 @@ def stop(mode: Mode, state: State[Any], inertias: Inertias, xp: Any, **newton: i
     u = xp.concatenate([state.twist, state.v[kin.rows]])
     coupling = kin.coupling(q, xp)
     moves = np.eye(6)[:, : 6 if mode.base == "free" else 0] if mode.part is None else mode.part.motions(state.base, xp)
-    N = xp.concatenate([
-        xp.concatenate([moves, np.zeros((6, coupling.shape[1]))], axis=1),
-        xp.concatenate([np.zeros((len(coupling), moves.shape[1])), coupling], axis=1),
-    ])
+    N = xp.concatenate([coupling[:, :6] @ moves, coupling[:, 6:]], axis=1)
     # The mass matrix of the robot is not needed: the products with N need only the columns of allowed motions.
     motions = jacobians @ N if kin.is_coupled or moves.shape[1] else jacobians[:, :, 6:]
     added = kin.added_inertia(inertias, xp)
     before = kin.momenta(frames, (jacobians @ u)[:, :, None], inertias, xp)
     momenta = kin.momenta(frames, motions, inertias, xp)
     reduced = sum_over_links(motions, momenta) + N.T @ added @ N
-    w = solve_positive(reduced, sum_over_links(motions, before)[:, 0] + N.T @ (added @ u), xp)
-    constraints = [_hold_jacobian(hold, poses[hold.link], jacobians[hold.link]) for hold in mode.holds]
+    constraints = [_hold_jacobian(hold, poses[hold.link], jacobians[hold.link], xp) for hold in mode.holds]
     constraints += [_ends_meet(mode, poses, cut, jacobians, xp, newton) for cut in mode.cuts]
-    if constraints:
-        # In the coordinates L^T w, with the Cholesky factor L of the reduced mass matrix, the projection is orthogonal.
-        L = xp.linalg.cholesky(reduced)
-        A = xp.linalg.solve(L, (xp.concatenate(constraints) @ N).T).T
-        w = w - xp.linalg.solve(L.T, xp.linalg.lstsq(A, A @ (L.T @ w), rcond=RANK)[0])
+    C = xp.concatenate([np.zeros((0, len(u))), *constraints])
+    # In the coordinates y = U w, the reduced mass matrix is 1, and projections are orthogonal. The constraints are A y = 0.
+    momentum = sum_over_links(motions, before) + N.T @ (added @ u)[:, None]
+    U, known = half_solve(reduced, xp.concatenate([momentum, (C @ N).T], axis=1), xp)
+    y, A = known[:, 0], known[:, 1:].T
+    removed = smallest_solution(A, A @ y, xp) if constraints else 0.0
+    w = back_substitute(U, y - removed, xp)
     after = N @ w
-    change = sum_over_links(jacobians, (momenta @ w)[:, :, None] - before)[:, 0] + added @ (after - u)
-    impulse, holds = _impulses(mode, change, moves, _mimics(mode, q, xp), constraints, xp)
+    total = sum_over_links(jacobians[:, :, :6], (momenta @ w)[:, :, None] - before)[:, 0]
+    impulse, others = _impulses(total, moves, constraints, A, removed, xp)
     v = xp.concatenate([after[6:], state.v])[kin.gathered]
     return State(state.base, after[:6], state.q, v), impulse, [
-        _at_hold(hold, poses[hold.link], hold_impulse, xp) for hold, hold_impulse in zip(mode.holds, holds, strict=True)
+        _at_hold(hold, poses[hold.link], hold_impulse, xp) for hold, hold_impulse in zip(mode.holds, others, strict=False)
     ]
 
 
-def _impulses(mode: Mode, change: Array, moves: Array, mimics: Array, constraints: list[Array], xp: Any) -> tuple[Array, list[Array]]:
-    """Compute the impulses on the root link and on the other held links from the change of momentum of the robot."""
+def _impulses(total: Array, moves: Array, constraints: list[Array], A: Array, removed: Any, xp: Any) -> tuple[Array, list[Array]]:
+    """Return the impulse (6,) of the base, and the impulse of each constraint, which together change the linear and angular momentum of the
+    robot by `total` (6,).
+
+    In the coordinates y of `stop`, the impulses p of the constraints change y by A^T p = -`removed`. The impulse of the base is then
+    `total` - B p in the directions that the base constrains. If p is not unique, the sum of the squares of all impulses is the smallest.
+    """
     if not constraints:
-        return change[:6], []
-    stays = np.eye(6) - (moves @ xp.linalg.solve(moves.T @ moves, moves.T) if moves.shape[1] else np.zeros((6, 6)))
-    C = xp.concatenate([xp.concatenate([stays, np.zeros((6, len(change) - 6))], axis=1), *constraints, mimics])
-    impulses = xp.linalg.lstsq(C.T, change, rcond=RANK)[0]
-    holds, row = [], 6
-    for hold in mode.holds:
-        holds.append(impulses[row :][: 3 if hold.turns else 6])
-        row += len(holds[-1])
-    return stays @ impulses[:6], holds
+        return total, []
+    C = xp.concatenate(constraints)
+    stays = np.eye(6) - projection(moves, xp) if moves.shape[1] else np.eye(6)
+    B = product(stays, C[:, :6].T, xp)
+    # In the coordinates V p, the sum is the square of the distance from z, plus a constant.
+    V, known = half_solve(np.eye(len(C)) + product(B.T, B, xp), xp.concatenate([(B.T @ total)[:, None], A], axis=1), xp)
+    z, D = known[:, 0], known[:, 1:].T
+    p = back_substitute(V, z - smallest_solution(D, D @ z + removed, xp), xp)
+    return stays @ total - B @ p, xp.split(p, np.cumsum([len(rows) for rows in constraints[:-1]]))
 
 
 def _at_hold(hold: Hold, X: Array, hold_impulse: Array, xp: Any) -> Array:
@@ -106,18 +106,18 @@ def _at_hold(hold: Hold, X: Array, hold_impulse: Array, xp: Any) -> Array:
 
     The linear impulse is in world axes, and the angular impulse is in link axes.
     """
-    turning = cross(X[:3, :3] @ hold.X_LM[:3, 3], hold_impulse) if hold.turns else hold_impulse[3:]
+    turning = cross(X[:3, :3] @ hold.X_LM[:3, 3], hold_impulse, xp) if hold.turns else hold_impulse[3:]
     impulse: Array = xp.concatenate([hold_impulse[:3], X[:3, :3].T @ turning])
     return impulse
 
 
-def _hold_jacobian(hold: Hold, X: Array, J: Array) -> Array:
+def _hold_jacobian(hold: Hold, X: Array, J: Array, xp: Any) -> Array:
     """Return the Jacobian of the velocity that a hold constrains to zero, for a held link with the pose X (4, 4).
 
     `J` is the Jacobian (6, n) of the link. If the hold allows rotation, return the Jacobian (3, n) of the mount's origin, otherwise return
     `J`.
     """
-    return J[:3] - cross_columns(X[:3, :3] @ hold.X_LM[:3, 3], J[3:]) if hold.turns else J
+    return J[:3] - cross_columns(X[:3, :3] @ hold.X_LM[:3, 3], J[3:], xp) if hold.turns else J
 
 
 def at_point(hold: Hold, X: Array, twist: Array) -> Array:
@@ -130,28 +130,13 @@ def at_point(hold: Hold, X: Array, twist: Array) -> Array:
     return np.concatenate([linear, np.zeros(3)])
 
 
-def _mimics(mode: Mode, q: Array, xp: Any) -> Array:
-    """Return the matrix (r, n) of the constraints of all r mimic joints, whose product with the joint velocities is zero.
-
-    Each row of this matrix computes the velocity of a mimic joint minus the velocity that its leading joint prescribes.
-    """
-    column = {joint.name: number for number, joint in enumerate(mode.joints)}
-    unit = np.eye(6 + len(column))[6:]
-    rows = [
-        unit[column[joint.name]] - joint.mimic.rate(q[column[joint.mimic.joint]]) * unit[column[joint.mimic.joint]]
-        for joint in mode.joints if joint.mimic is not None and joint.mimic.joint in column
-    ]
-    constraints: Array = xp.asarray(rows).reshape(-1, 6 + len(column))
-    return constraints
-
-
 def _ends_meet(mode: Mode, poses: Array, cut: Cut, jacobians: Array, xp: Any, newton: dict[str, int]) -> Array:
     """Return the Jacobian (6, n) of the constraint that the two ends of a loop-closing joint stay together."""
     X_WA, X_WB = poses[cut.parent] @ cut.X_PA, poses[cut.child] @ cut.X_CB
     ends = []
     for link in (cut.parent, cut.child):
         J = jacobians[link]
-        ends.append(xp.concatenate([J[:3] - cross_columns(X_WB[:3, 3] - poses[link, :3, 3], J[3:]), J[3:]]))
+        ends.append(xp.concatenate([J[:3] - cross_columns(X_WB[:3, 3] - poses[link, :3, 3], J[3:], xp), J[3:]]))
     q = coordinates(cut, inverse(X_WA, xp) @ X_WB, usual(mode, cut), xp, **newton) if cut.coordinates else np.zeros(0)
     relative: Array = constraint_projector(cut, q, X_WB, xp) @ (ends[1] - ends[0])
     return relative

@@ -57,6 +57,5 @@ def enter(
     if on_motion == "impact" and (new.base != "free" or new.holds):
         moved, impulse, _ = stop(new, moved, new.inertias if inertias is None else inertias, jnp, steps=STEPS)
     far: Any = jnp.asarray([difference(X, required, jnp) for _, X, required in placed]) > tolerance
-    values = (jnp.asarray(moved.base), keep_free_twist(new, moved.base, moved.twist, jnp), moved.q, moved.v)
-    base, twist, q, v = (jnp.where(far.any(), jnp.nan, one) for one in values)
-    return State(base, twist, q, v), removed, impulse
+    entered = moved._replace(twist=keep_free_twist(new, moved.base, moved.twist, jnp))
+    return State(*(jnp.where(far.any(), jnp.nan, one) for one in entered)), removed, impulse

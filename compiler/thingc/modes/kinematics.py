@@ -7,6 +7,7 @@ joint. Frame 0 is the root link, and coordinate k moves frame k + 1. The argumen
 from __future__ import annotations
 
 from functools import lru_cache
+from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -83,15 +84,15 @@ class Kinematics:
 
     def _find_leaders(self, mode: Mode, column: dict[str, int]) -> None:
         """For the method `coupling`, find the coordinate that each mimic joint follows, directly or through other mimic joints."""
-        chains: list[list[Any]] = []
-        columns = []
+        chains: list[list[Any]] = [[] for _ in range(6)]
+        columns = [*range(6)]
         for joint in mode.joints:
             chain = []
             while joint.mimic is not None and joint.mimic.joint in column:
                 chain.append((joint.mimic, column[joint.mimic.joint]))
                 joint = mode.joints[column[joint.mimic.joint]]
             chains.append(chain)
-            columns.append(column[joint.name])
+            columns.append(6 + column[joint.name])
         free = [k for k, chain in enumerate(chains) if not chain]
         self._chains = chains
         self.is_coupled = any(chains)
@@ -126,7 +127,7 @@ class Kinematics:
         poses: Array = frames[self.of_link] @ self._place if self._fixed else frames[self.of_link]
         return poses
 
-    def axes(self, frames: Array) -> tuple[Array, Array]:
+    def axes(self, frames: Array, xp: Any) -> tuple[Array, Array]:
         """Return the angular velocity (m, 3) and the linear velocity (m, 3) that each coordinate causes per unit of its velocity.
 
         The linear velocity is the velocity of the point at the origin of the root link. Both velocities are in world axes.
@@ -134,7 +135,7 @@ class Kinematics:
         carrier = frames[self._carrier]
         velocities = self._axes @ carrier[:, :3, :3].swapaxes(1, 2)
         spin = velocities[:, 0]
-        return spin, velocities[:, 1] + cross(carrier[:, :3, 3] - frames[0, :3, 3], spin)
+        return spin, velocities[:, 1] + cross(carrier[:, :3, 3] - frames[0, :3, 3], spin, xp)
 
     def twists(self, frames: Array, u: Array, xp: Any) -> Array:
         """Return the twists (n, 6) of all links.
@@ -142,10 +143,10 @@ class Kinematics:
         The velocity `u` (6 + m,) is the twist of the base, followed by the velocities of the coordinates. A twist is the velocity of the
         origin of the link in world axes, followed by the angular velocity in the axes of the link.
         """
-        X, spins = self.poses(frames), self.axes(frames)
+        X, spins = self.poses(frames), self.axes(frames, xp)
         root, path = frames[0], self._mask[:, 6:]
         spin = root[:3, :3] @ u[3:6] + path @ (spins[0] * u[6:, None])
-        linear = u[:3] + path @ (spins[1] * u[6:, None]) + cross(spin, X[:, :3, 3] - root[:3, 3])
+        linear = u[:3] + path @ (spins[1] * u[6:, None]) + cross(spin, X[:, :3, 3] - root[:3, 3], xp)
         twists: Array = xp.concatenate([linear, (spin[:, None] @ X[:, :3, :3])[:, 0]], axis=1)
         return twists
 
@@ -154,14 +155,14 @@ class Kinematics:
 
         The velocity of a link is the velocity of its origin, followed by its angular velocity, both in world axes.
         """
-        spin, linear = self.axes(frames)
+        spin, linear = self.axes(frames, xp)
         moved = [
             xp.concatenate([np.eye(3), np.zeros((3, 3)), linear.T], axis=1),
             xp.concatenate([np.zeros((3, 3)), frames[0, :3, :3], spin.T], axis=1),
         ]
         at_root, angular = (part * self._mask[:, None] for part in moved)
         offset = self.poses(frames)[:, :3, 3] - frames[0, :3, 3]
-        jacobians: Array = xp.concatenate([at_root - cross_columns(offset, angular), angular], axis=1)
+        jacobians: Array = xp.concatenate([at_root - cross_columns(offset, angular, xp), angular], axis=1)
         return jacobians
 
     def momenta(self, frames: Array, motions: Array, inertias: Inertias, xp: Any) -> Array:
@@ -172,8 +173,8 @@ class Kinematics:
         """
         R, angular = self.poses(frames)[:, :3, :3], motions[:, 3:]
         centre = (R @ inertias.centre[:, :, None])[:, :, 0]
-        linear = inertias.mass[:, None, None] * (motions[:, :3] - cross_columns(centre, angular))
-        spin = R @ inertias.inertia @ R.swapaxes(1, 2) @ angular + cross_columns(centre, linear)
+        linear = inertias.mass[:, None, None] * (motions[:, :3] - cross_columns(centre, angular, xp))
+        spin = R @ inertias.inertia @ R.swapaxes(1, 2) @ angular + cross_columns(centre, linear, xp)
         momenta: Array = xp.concatenate([linear, spin], axis=1)
         return momenta
 
@@ -188,18 +189,14 @@ class Kinematics:
         return matrix
 
     def coupling(self, q: Array, xp: Any) -> Array:
-        """Return the matrix (m, k) that maps the velocities of the k independent coordinates to the velocities of all m coordinates.
+        """Return the matrix (6 + m, 6 + k) that maps the velocity of the k independent coordinates to the velocity of all m coordinates.
 
-        A coordinate is independent if its joint does not mimic another joint of this tree.
+        Both velocities start with the twist of the base. A coordinate is independent if its joint does not mimic another joint of this
+        tree.
         """
         if not self.is_coupled:
             return self._pattern
-        rates = []
-        for chain in self._chains:
-            rate: Any = 1.0
-            for mimic, leader in chain:
-                rate = rate * mimic.rate(q[leader])
-            rates.append(rate)
+        rates = [prod(mimic.rate(q[leader]) for mimic, leader in chain) for chain in self._chains]
         matrix: Array = xp.asarray(rates)[:, None] * self._pattern
         return matrix
 

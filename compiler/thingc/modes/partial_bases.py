@@ -57,7 +57,7 @@ class PartBase(OneLineStruct, eq=False):
         if self.kind == "ball":
             return twist[3:]
         R, spin = self.X_WA[:3, :3], X[:3, :3] @ twist[3:]
-        x, y, _ = R.T @ (twist[:3] + cross(spin, self._point_position(X) - X[:3, 3]))
+        x, y, _ = R.T @ (twist[:3] + cross(spin, self._point_position(X) - X[:3, 3], xp))
         qvel: Array = xp.asarray([x, y, (R.T @ spin)[2]])
         return qvel
 
@@ -68,7 +68,7 @@ class PartBase(OneLineStruct, eq=False):
             spin, linear = X[:3, :3] @ qvel, np.zeros(3)
         else:
             spin, linear = R[:, 2] * qvel[2], R[:, :2] @ qvel[:2]
-        twist: Array = xp.concatenate([linear + cross(spin, X[:3, 3] - self._point_position(X)), X[:3, :3].T @ spin])
+        twist: Array = xp.concatenate([linear + cross(spin, X[:3, 3] - self._point_position(X), xp), X[:3, :3].T @ spin])
         return twist
 
     def motions(self, X: Array, xp: Any = np) -> Array:

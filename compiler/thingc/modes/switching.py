@@ -50,7 +50,7 @@ def _across(mode: Mode, cut: Cut, poses: Array, twists: Array, xp: Any, newton: 
     ends = []
     for link in (cut.parent, cut.child):
         spin = poses[link, :3, :3] @ twists[link, 3:]
-        ends.append(xp.concatenate([twists[link, :3] + cross(spin, X_WB[:3, 3] - poses[link, :3, 3]), spin]))
+        ends.append(xp.concatenate([twists[link, :3] + cross(spin, X_WB[:3, 3] - poses[link, :3, 3], xp), spin]))
     return q, velocities(cut, q, X_WB, ends[1] - ends[0], xp)
 
 
@@ -79,6 +79,5 @@ def keep_free_twist(mode: Mode, base: Array, twist: Array, xp: Any) -> Array:
     if mode.base == "free":
         return twist
     if mode.part is None:
-        nothing: Array = xp.zeros(6)
-        return nothing
+        return xp.zeros(6)  # type: ignore[no-any-return]
     return mode.part.twist(base, mode.part.qvel(base, twist, xp), xp)
