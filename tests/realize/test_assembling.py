@@ -227,18 +227,13 @@ def test_unchanged_assembly_starts_no_process(module_place: Any, instances: list
 
 def test_other_requests_are_answered_while_the_file_is_written(module_place: Any, instances: list[Placed]) -> None:
     """Both use the same workers, which answer in any order."""
-    workers = Workers(2)
-    workers.warm()
-    try:
-        with module_place.service(workers=workers, timeout=30.0) as service:
-            waits = [service.assemble(name, instances) for name in ("first", "second")]
-            for brep in sorted({instance.brep for instance in instances}):
-                assert service.features([brep])[brep].planes
-            written = [wait() for wait in reversed(waits)]
-        for name, file in zip(("second", "first"), written, strict=True):
-            assert f"PRODUCT('{name}'".encode() in module_place.store.read(file.sha256)
-    finally:
-        workers.close()
+    with module_place.service(timeout=30.0) as service:
+        waits = [service.assemble(name, instances) for name in ("first", "second")]
+        for brep in sorted({instance.brep for instance in instances}):
+            assert service.features([brep])[brep].planes
+        written = [wait() for wait in reversed(waits)]
+    for name, file in zip(("second", "first"), written, strict=True):
+        assert f"PRODUCT('{name}'".encode() in module_place.store.read(file.sha256)
 
 
 def test_missing_blob_fails_the_assembly(module_place: Any, instances: list[Placed]) -> None:
