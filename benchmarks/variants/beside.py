@@ -135,14 +135,14 @@ class PyMJCF:
 def pymjcf(model: Path) -> Iterator[PyMJCF]:
     """Return a context manager that starts the process `edit_pymjcf.py` with a model. Raises `SystemExit` if PyMJCF is not available."""
     sys.path.insert(0, str(ROOT / "benchmarks" / "conformance"))
-    from study import READERS, environment
+    from study import READERS
 
     folder = ROOT / "build" / "conformance"
     folder.mkdir(parents=True, exist_ok=True)
     (reader,) = (one for one in READERS if one.name == "pymjcf")
-    python = environment(reader, folder)
+    python = reader.environment(folder)
     if python is None:
-        raise SystemExit(f"PyMJCF cannot be had here ({' '.join(reader.packages)})")
+        raise SystemExit(f"PyMJCF is not available here ({' '.join(reader.packages)})")
     made = PyMJCF(python, model)
     try:
         yield made
