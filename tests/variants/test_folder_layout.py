@@ -46,6 +46,29 @@ def test_variants_share_meshes_as_far_as_the_file_system_allows_links(
     assert [file.name for file in (tmp_path / ASSETS).iterdir()] == [SHA256]
 
 
+@pytest.mark.parametrize("replaced", [0, 1, 3])
+def test_link_is_repeated_while_other_processes_replace_the_shared_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, replaced: int,
+) -> None:
+    """Linux refuses a link with ENOENT if the file has lost its last name since its path was looked up."""
+    create, refused = os.link, []
+
+    def link(source: str, target: str) -> None:
+        if len(refused) < replaced:
+            refused.append(source)
+            (tmp_path / "equal").write_bytes(MESH)
+            os.rename(tmp_path / "equal", source)
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), source)
+        create(source, target)
+
+    monkeypatch.setattr(os, "link", link)
+    for name in (VARIANTS, ASSETS):
+        (tmp_path / name).mkdir()
+    write_variant(str(tmp_path), "0" * 12, {"mesh.obj": StoredArtifact(sha256=SHA256, size=len(MESH))}, Blobs())
+    (file,) = tmp_path.glob(f"{VARIANTS}/*/mesh.obj")
+    assert file.samefile(tmp_path / ASSETS / SHA256) and len(refused) == replaced
+
+
 @pytest.mark.parametrize("before", [b"", b'{"a":1}\n', b'{"a":1}\n{"b":"\xc3\xa9"}\n'])
 def test_journal_loses_only_an_incomplete_line(tmp_path: Path, before: bytes) -> None:
     path = tmp_path / "journal.jsonl"

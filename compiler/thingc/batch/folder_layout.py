@@ -41,6 +41,9 @@ OWN = frozenset((BATCH, JOURNAL, TABLE_CSV, TABLE_PARQUET, VARIANTS, CHUNKS, ASS
 NEW = ".new-"
 """Prefix of the names of temporary folders and files."""
 
+ATTEMPTS = 100
+"""Maximum number of attempts to create a hard link to a shared file that other processes replace."""
+
 _OWN_END = f"{os.getpid()}-{os.urandom(4).hex()}"
 """Suffix of names of temporary files. The suffix is unique across all machines that share the folder."""
 
@@ -141,19 +144,26 @@ def _make_subfolder(fresh: str, folder: str, created: set[str]) -> None:
 def _share(folder: str, sha256: str, store: Blobs, target: str) -> None:
     """Create the file `target` as a hard link to the shared file with this SHA-256, or as a copy if links are not supported.
 
-    If the shared file does not exist, write the shared file first.
+    If the shared file does not exist, write the shared file first. If another process replaces the shared file by an equal file at the same
+    time, the system cannot create a link to the old file. In this case, try again.
     """
-    keep_asset(folder, sha256, store)
-    try:
-        os.link(asset_path(folder, sha256), target)
-    except OSError as fault:
-        if fault.errno not in (errno.EMLINK, errno.EPERM, errno.ENOTSUP, errno.EXDEV, errno.ENOSYS):
-            raise
-        write_new(target, store.read(sha256))
-        if fault.errno == errno.EMLINK:  # ext4 allows at most 65 000 links to a file: later variants use the new file
-            fresh = os.path.join(folder, ASSETS, f"{NEW}{sha256}-{_OWN_END}")
-            os.link(target, fresh)
-            os.rename(fresh, asset_path(folder, sha256))
+    for attempt in range(ATTEMPTS):
+        keep_asset(folder, sha256, store)
+        try:
+            os.link(asset_path(folder, sha256), target)
+            return
+        except FileNotFoundError:
+            if attempt == ATTEMPTS - 1:
+                raise
+        except OSError as fault:
+            if fault.errno not in (errno.EMLINK, errno.EPERM, errno.ENOTSUP, errno.EXDEV, errno.ENOSYS):
+                raise
+            write_new(target, store.read(sha256))
+            if fault.errno == errno.EMLINK:  # ext4 allows at most 65 000 links to a file: later variants use the new file
+                fresh = os.path.join(folder, ASSETS, f"{NEW}{sha256}-{_OWN_END}")
+                os.link(target, fresh)
+                os.rename(fresh, asset_path(folder, sha256))
+            return
 
 
 def remove(path: str) -> None:
