@@ -75,7 +75,7 @@ class Observer:
         for name in names:
             require_known(name, TERMS, f"there is no observation `{name}`", what="observations")
         for name, value in noise_by_term.items():
-            require_known(name, names, f"there is no observation `{name}`", what="observations")
+            require_known(name, names, f"`observation_noise` contains `{name}`, but `observation` does not", what="observations")
             if not is_number(value) or value < 0.0:
                 raise FamilyError(f"expected `observation_noise` to be numbers of at least 0, found {value} for `{name}`")
         self._names = names

@@ -26,7 +26,6 @@ from thingc.geometry.worker.kernel.integrals import subshapes
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-
 EQUAL = 1e-5
 """Largest difference [mm] of radii and of positions of axes, for which faces belong to the same cylinder."""
 SAMPLES = 32

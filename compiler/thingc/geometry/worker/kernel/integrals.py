@@ -35,7 +35,6 @@ from thingc.base.pose import Matrix, Vector
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-
 ACCURACY = 1e-12
 """Relative error of the volume that the kernel's adaptive integration must reach."""
 AGREEMENT = 1e-9

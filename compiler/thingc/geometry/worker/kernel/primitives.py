@@ -27,7 +27,6 @@ from thingc.geometry.worker.kernel.integrals import extent, integrals, subshapes
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-
 SAME = 1e-7
 """Tolerance for directions [rad], and relative tolerance for lengths (relative to the size of the solid)."""
 AGREEMENT = 1e-9
