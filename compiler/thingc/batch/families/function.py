@@ -22,7 +22,6 @@ from thingc.batch.plans.columns import Floats
 from thingc.batch.plans.derivatives import DerivativeFunction, Derivatives, NotSmooth, derivative_function, with_slopes
 from thingc.batch.plans.numeric_plan import MOST, NumericPlan, TracedResults
 from thingc.batch.results import FamilyError
-from thingc.batch.values import standard_unit
 from thingc.driver.settings import ParsedSettings, SettingsReader
 
 if TYPE_CHECKING:
@@ -140,7 +139,7 @@ class FamilyFunction:
             raise FamilyError(f"`{duplicates[0]}` is given twice", "keep only one of the values")
         kinds = [self._number(name) for name in self.names]
         self.dimensions = tuple(kind.dimension for kind in kinds)
-        self.units = tuple(map(standard_unit, self.dimensions))
+        self.units = tuple(dimension.symbol for dimension in self.dimensions)
         start_values = dict(zip(parsed.names, parsed.values)) if (parsed := reader.read({})).report is None else {}
         self.start = np.array([start_values.get(name, kind.value) for name, kind in zip(self.names, kinds)], dtype=np.float64)
         known = {dimension.name: (dimension.low, dimension.high) for dimension in space}
