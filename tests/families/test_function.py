@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -363,8 +364,25 @@ def test_plans_are_reused(special: thingc.RobotFamily, monkeypatch: pytest.Monke
 
 def test_a_function_can_be_pickled(everything: thingc.RobotFamily) -> None:
     function = everything.function("load", "mass", at={"length": "350 mm"})
-    copy = pickle.loads(pickle.dumps(function))
-    assert copy.value([0.7]).tolist() == function.value([0.7]).tolist() and copy.names == ("load",)
+    again = pickle.loads(pickle.dumps(function))
+    assert again.value([0.7]).tolist() == function.value([0.7]).tolist() and again.names == ("load",)
+
+
+@pytest.mark.parametrize("duplicate", [copy.copy, copy.deepcopy, lambda values: values.copy(), *(
+    (lambda values, protocol=protocol: pickle.loads(pickle.dumps(values, protocol))) for protocol in (2, 5)
+)])
+def test_copied_results_keep_their_attributes(everything: thingc.RobotFamily, duplicate: Callable[[Any], Any]) -> None:
+    function = everything.function(["load", "length"], ["mass", "centre"])
+    for x in ([0.7, 0.3], [[0.7, 0.3], [50.0, 0.3]]):
+        values, again = function.value(x), duplicate(function.value(x))
+        assert np.array_equal(again, values, equal_nan=True) and type(again) is type(values) and again.problems == values.problems
+        assert np.array_equal(again.ok, values.ok) and again.ok is not None and (again + 1.0).ok is None is again[..., :1].ok
+        if again.ok is not True:
+            again.ok[:] = False
+            assert values.ok.tolist() == [True, False] and [len(found) for found in values.problems] == [0, 1]
+    slopes = function.jacobian([0.7, 0.3])
+    again = duplicate(slopes)
+    assert again.error.tolist() == slopes.error.tolist() and again.error.shape == again.shape == (4, 2) and again.T.error is None
 
 
 def test_variants_fix_settings_and_parameters_have_bounds(many: thingc.RobotFamily) -> None:

@@ -12,6 +12,7 @@ from enum import Enum
 
 from msgspec.structs import force_setattr, replace
 
+from thingc.base.exceptions import PicklableError
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineStruct, format_count
 from thingc.base.safe_text import abbreviate
@@ -360,7 +361,7 @@ class Diagnostic(OneLineStruct):
             force_setattr(self, "help", abbreviate(self.help))
 
 
-class UserError(Exception):
+class UserError(PicklableError):
     """Raised for an error that the user can fix, such as a wrong command line. `diagnostic` describes the error."""
 
     code: Code = Code.COMMAND_LINE

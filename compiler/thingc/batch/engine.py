@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 from msgspec.structs import asdict
 
 from thingc.base.diagnostics import Code
+from thingc.base.exceptions import PicklableError
 from thingc.base.json_lines_process import JsonLinesProcess, ProcessLost
 from thingc.batch.job import STOPPED, Job, Row, row
 from thingc.batch.variant import Variant
@@ -33,16 +34,12 @@ class Cancelled(Exception):
     """Raised in a waiting call if another thread has ended all runner processes."""
 
 
-class RunnersBroken(Exception):
+class RunnersBroken(PicklableError):
     """Raised if a runner process cannot be started. `detail` is the output of the last attempt to start a process."""
 
     def __init__(self, message: str, detail: str) -> None:
         super().__init__(message)
         self.detail = detail
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Support pickling, which executors in other processes require."""
-        return RunnersBroken, (str(self), self.detail)
 
 
 class RunnerProcess(JsonLinesProcess):

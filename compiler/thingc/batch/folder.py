@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from thingc.base.diagnostics import Code, Diagnostic, Severity, shown_path
+from thingc.base.exceptions import PicklableError
 from thingc.base.filesystem import NO_ROOM, BadPath, listing
 from thingc.base.safe_text import json_text, quote_names
 from thingc.base.suggestions import Hint, text_of
@@ -34,7 +35,7 @@ MANY = 2000
 """Maximum number of variants for which `folders` is the default layout."""
 
 
-class BatchFault(Exception):
+class BatchFault(PicklableError):
     """Raised if a batch cannot start or continue.
 
     `diagnostic` is the reason, as a diagnostic with a code. Variants that are already built remain in the folder.

@@ -18,7 +18,6 @@ from functools import cached_property
 from graphlib import TopologicalSorter
 from typing import Any
 
-from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Diagnostic
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineStruct
@@ -33,6 +32,7 @@ from thingc.documents.expressions.value_text import text_of
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.documents.spec.variants import Method
 from thingc.documents.workspace import Workspace
+from thingc.driver.api import CompileError
 from thingc.model.resolve.types import AssemblyDefinition
 
 BLOCK = 256
@@ -71,15 +71,8 @@ def points(method: Method, dimensions: int, count: int, seed: int) -> Iterator[t
             yield tuple(row.tolist())
 
 
-class PlanError(Exception):
-    """Raised if a variants document has errors. `diagnostics` contains all errors and warnings.
-
-    `str()` formats the diagnostics as on the command line.
-    """
-
-    def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
-        super().__init__("\n" + as_text(diagnostics))
-        self.diagnostics = tuple(diagnostics)
+class PlanError(CompileError):
+    """Raised if a variants document has errors."""
 
 
 class Setting(FrozenStruct):

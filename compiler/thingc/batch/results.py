@@ -18,6 +18,7 @@ from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, overload
 
 from thingc.base.diagnostics import shown_path
+from thingc.base.exceptions import PicklableError
 from thingc.base.filesystem import listing
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.one_line_repr import OneLineRepr, format_count
@@ -45,7 +46,7 @@ _WITHIN, _INCLUDE = re.compile("<mujoco[^>]*>(.*)</mujoco>", re.DOTALL), re.comp
 """Regular expressions that match the content of a MuJoCo model file, and the include element in a scene file."""
 
 
-class FamilyError(ValueError):
+class FamilyError(PicklableError, ValueError):
     """Raised if a batch or a family of robots cannot be used as requested.
 
     The message contains the `reason` and, if given, a `help` text.

@@ -9,6 +9,7 @@ from typing import Any
 
 from thingc.base.diagnostic_output import as_text
 from thingc.base.diagnostics import Diagnostic, Report
+from thingc.base.exceptions import PicklableError
 from thingc.base.inertia import MassProperties
 from thingc.base.one_line_repr import OneLineRepr, OneLineStruct
 from thingc.driver import pipeline
@@ -18,7 +19,7 @@ from thingc.model.robot.types import Robot
 from thingc.targets.html.emit import Page, page_of
 
 
-class CompileError(Exception):
+class CompileError(PicklableError):
     """Raised if a document has errors.
 
     `diagnostics` contains all errors and warnings. The string of the exception contains all diagnostics in the same format as on the

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from thingc.base.exceptions import PicklableError
 from thingc.modes.frames import Array
 
 
-class ModesError(ValueError):
+class ModesError(PicklableError, ValueError):
     """The base class of all exceptions of the package `thingc.modes`."""
 
 

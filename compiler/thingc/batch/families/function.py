@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -41,11 +42,35 @@ class NotDifferentiable(FamilyError):
     """Raised if a result does not have a derivative at the given settings. The message contains the name of the result and the reason."""
 
 
-class FamilyValues(np.ndarray[Any, np.dtype[np.float64]]):
+class DescribedArray(np.ndarray[Any, np.dtype[np.float64]]):
+    """An array with further attributes, which copies and pickles keep. Other arrays that numpy computes do not have these attributes."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        create, arguments, state = super().__reduce__()  # type: ignore[misc]
+        return create, arguments, (state, self.__dict__)
+
+    def __setstate__(self, state: Any) -> None:
+        super().__setstate__(state[0])
+        self.__dict__.update(state[1])
+
+    def copy(self, order: Literal["K", "A", "C", "F"] | None = "C") -> Self:
+        """Return a copy of the array with its attributes."""
+        copied = super().copy(order)
+        copied.__dict__.update(copy.deepcopy(self.__dict__))
+        return copied
+
+    def __copy__(self) -> Self:
+        return self.copy()
+
+    def __deepcopy__(self, memo: object) -> Self:
+        return self.copy()
+
+
+class FamilyValues(DescribedArray):
     """The results of a `FamilyFunction` in SI units, as an array with shape `(m,)` or `(k, m)`. Missing results have the value NaN.
 
     `ok` is True for settings without errors for which all results exist. For several sets of settings, `ok` is an array with shape `(k,)`.
-    `problems` contains the diagnostics for each set of settings. Arrays that numpy computes from this array do not have these attributes.
+    `problems` contains the diagnostics for each set of settings.
     """
 
     ok: bool | npt.NDArray[np.bool_] | None
@@ -55,7 +80,7 @@ class FamilyValues(np.ndarray[Any, np.dtype[np.float64]]):
         self.ok, self.problems = None, ()
 
 
-class FamilyJacobian(np.ndarray[Any, np.dtype[np.float64]]):
+class FamilyJacobian(DescribedArray):
     """The derivatives of m results by n numbers in SI units, as an array with shape `(m, n)`.
 
     `error` is an array with the shape of the derivatives. The error is 0 for exact derivatives, whose rounding error is about 1e-15. For

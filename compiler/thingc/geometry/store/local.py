@@ -22,6 +22,7 @@ import stat
 import sys
 from typing import Any
 
+from thingc.base.exceptions import PicklableError
 from thingc.base.filesystem import BINARY, hash_name, write_new
 
 SEALED = 946_684_800
@@ -31,7 +32,7 @@ If a blob was modified later, its modification time is different, and the blob i
 """
 
 
-class StoreUnusable(Exception):
+class StoreUnusable(PicklableError):
     """Raised if the folder of the store cannot be used. `reason` is the message of the operating system."""
 
     def __init__(self, root: str, reason: str) -> None:
@@ -40,7 +41,7 @@ class StoreUnusable(Exception):
         self.reason = reason
 
 
-class BlobMissing(Exception):
+class BlobMissing(PicklableError):
     """Raised if a blob is not in the store, or was damaged and has been removed."""
 
     def __init__(self, sha256: str) -> None:
