@@ -136,9 +136,12 @@ def test_robots_switch_modes_as_in_mujoco(feet: thingc.RobotFamily) -> None:
     for action, mode, words in (
         (np.zeros(2), 0, r"expected 1 numbers, found an array of shape \(2,\)"), (actions, 0, r"of shape \(2, 1\): for many rows"),
         (np.zeros(1), 1.0, "expected `mode` to be the index of a mode, found 1.0"), (np.zeros(1), True, "index of a mode, found True"),
+        (np.zeros(1), "adrift", "expected `mode` to be the index of a mode, found `'adrift'`"), (["x"], 0, r"1 numbers, found `\['x'\]`"),
     ):
         with pytest.raises(FamilyError, match=words):
             env.step(models, states, action, mode)
+    with pytest.raises(FamilyError, match=r"expected rows of 1 numbers \(load\), found `'abc'`"):
+        env.batch("abc")
 
 
 def test_numbers_that_move_mounts_are_refused(feet: thingc.RobotFamily) -> None:
@@ -152,6 +155,37 @@ def test_numbers_that_move_mounts_are_refused(feet: thingc.RobotFamily) -> None:
     ):
         with pytest.raises(FamilyError, match=f"expected `{option}` to be {words}"):
             MjxEnv(feet, ["load"], MODES, reward=velocity, **{option: value})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("option", "value", "words"), [
+    ("reward", lambda step: jnp.ones(2), "expected `reward` to return a number, found float64[2]: return a value of type float64[]"),
+    ("reward", lambda step: None, "expected `reward` to return a number, found `None`"),
+    ("terminated", lambda step: step.robot.v > 0.0, "`terminated` to return True or False, found bool[1]: return a value of type bool[]"),
+    ("terminated", lambda step: step.velocity[0], "to return True or False, found float64[]: return a value of type bool[]"),
+    ("terminated", lambda step: "no", "expected `terminated` to return True or False, found `'no'`"),
+    ("observation", lambda step: jnp.ones(2 + step.mode), "an array of numbers, found float64[3]: return a value of type float64[2]"),
+    ("observation", lambda step: None, "expected `observation` to return an array of numbers, found `None`"),
+    ("reward", None, "expected `reward` to be a function of an `MjxStep`, found `None`"),
+    ("terminated", True, "expected `terminated` to be a function of an `MjxStep`, found `True`"),
+    ("observation", "qpos", "expected `observation` to be a function of an `MjxStep`, found `qpos`"),
+])
+def test_wrong_functions_are_reported(feet: thingc.RobotFamily, option: str, value: Any, words: str) -> None:
+    with pytest.raises(FamilyError) as caught:
+        env = MjxEnv(feet, ["load"], MODES, **{"reward": velocity, option: value})
+        models, _ = env.models(jnp.array([0.5]))
+        jax.eval_shape(lambda key, action: env.step(models, env.reset(models, key), action), jax.random.key(0), jnp.zeros(1))
+    assert words in str(caught.value)
+
+
+def test_values_are_converted_to_the_types_of_the_state(feet: thingc.RobotFamily) -> None:
+    env = MjxEnv(
+        feet, ["load"], MODES, reward=lambda step: 1, terminated=lambda step: False, observation=lambda step: [step.velocity[0], 0],
+    )
+    models, _ = env.models(jnp.array([0.5]))
+    state = jax.eval_shape(lambda key, action: env.step(models, env.reset(models, key), action), jax.random.key(0), jnp.zeros(1))
+    assert [f"{one.dtype}{list(one.shape)}" for one in (state.reward, state.terminated, state.observation)] == [
+        "float64[]", "bool[]", "float64[2]",
+    ]
 
 
 def test_imperfect_drives_move_as_in_mujoco(tmp_path: Path) -> None:

@@ -39,6 +39,23 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
+BALLS = """\
+thingc: assembly/1
+name: balls
+parameters: {load: {value: 500 g, min: 10 g}}
+components:
+  base: {link: true, mass: 2 kg, shapes: [{sphere: {radius: 50 mm}}]}
+  arm: {link: true, mass: =load, shapes: [{sphere: {radius: 50 mm}, at: {xyz: 200 0 0 mm}}]}
+  tip: {link: true, mass: 1 kg, shapes: [{sphere: {radius: 50 mm}, at: {xyz: 100 0 200 mm}}]}
+joints:
+  lift: {type: continuous, parent: base.origin, child: arm.origin, axis: [0, 1, 0]}
+  bend: {type: continuous, parent: arm.origin, child: tip.origin, axis: [0, 1, 0]}
+modes: {standing: {root: base, base: free}}
+simulation: {cone: elliptic, timestep: 2 ms}
+raw: {mjcf: {default: {collision: {geom: {condim: 1}}}}}
+"""
+
+
 @pytest.fixture(scope="module")
 def crane(folder: Path) -> Iterator[thingc.RobotFamily]:
     with thingc.family(folder / "crane.yaml", verify=0) as family:
@@ -147,11 +164,23 @@ def test_what_mjx_cannot_do_is_explained(
         family.mjx(names, mode=mode)
 
 
+def test_contacts_without_friction_require_pyramidal_cones(tmp_path: Path) -> None:
+    (tmp_path / "balls.yaml").write_text(BALLS)
+    for compat in (None, "mjx"):
+        with thingc.family(tmp_path / "balls.yaml", verify=0, compat=compat) as family:
+            with pytest.raises(FamilyError, match="condim=1 with ConeType.ELLIPTIC not implemented") as caught:
+                family.mjx(["load"])
+            assert caught.value.help == "use `at={\"simulation.cone\": \"pyramidal\"}`"
+            assert family.mjx(["load"], at={"simulation.cone": "pyramidal"}).varied
+
+
 def test_precisions_and_shapes_are_checked(crane: thingc.RobotFamily) -> None:
     with pytest.raises(FamilyError, match="MJX uses 64-bit numbers if they are enabled in JAX: omit `dtype`"):
         crane.mjx(["stiff"], dtype="float32")
     with pytest.raises(FamilyError, match=r"expected an array of shape \(k, 1\) for stiff, found \(1,\)"):
         crane.mjx(["stiff"]).batch([40.0])
+    with pytest.raises(FamilyError, match="expected at least one item in `names`: for a single robot, use `mjx.put_model"):
+        crane.mjx([])
     jax.config.update("jax_enable_x64", False)
     with pytest.raises(FamilyError, match="64-bit numbers are disabled in JAX: call `jax.config.update"):
         crane.mjx(["stiff"])

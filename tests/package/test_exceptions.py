@@ -22,7 +22,6 @@ from thingc.driver.output import UnexpectedFilesError
 from thingc.driver.pipeline import UnknownChoice
 from thingc.geometry.client import WorkerBroken
 from thingc.geometry.store.local import BlobMissing, StoreUnusable
-from thingc.geometry.things.parameters import CallError
 from thingc.modes.errors import BaseElsewhere, BaseMoves, UnknownMode
 
 
@@ -31,8 +30,8 @@ from thingc.modes.errors import BaseElsewhere, BaseMoves, UnknownMode
     BatchFault(Code.OUTPUT, "the disk is full", "delete files"), RunnersBroken("no process", "a traceback"),
     WorkerBroken("no kernel", "a traceback"), StoreUnusable("/cache", "read-only"), BlobMissing("0" * 64),
     UnknownVariant("no variant `a`", "use `b`"), StructuresDiffer("geom_type", "the shapes differ"),
-    CallError("`length` is missing", owner="Bar", parameter="length"), UnknownMode("there is no mode `a`"),
-    BaseMoves("standing", "foot", np.array([3.0, 0.0, 4.0, 0.0, 0.0, 0.0])), BaseElsewhere("standing", "foot", 0.1, 0.2, 1e-6),
+    UnknownMode("there is no mode `a`"), BaseMoves("standing", "foot", np.array([3.0, 0.0, 4.0, 0.0, 0.0, 0.0])),
+    BaseElsewhere("standing", "foot", 0.1, 0.2, 1e-6),
 ], ids=lambda error: type(error).__name__)
 def test_exceptions_can_be_pickled(error: Exception) -> None:
     for again in (pickle.loads(pickle.dumps(error)), copy.copy(error)):

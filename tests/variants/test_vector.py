@@ -220,6 +220,16 @@ def test_observation_ends_with_scaled_settings(tmp_path: Path) -> None:
     assert seen == [pytest.approx(row) for row in ([-0.75, -0.6, -1.0], [-0.25, -0.2, 1.0], [-0.5, -0.6, -1.0], [-0.5, -0.4, -1.0])]
 
 
+def test_a_boolean_is_not_a_number(tmp_path: Path) -> None:
+    """`True == 1` in Python, but only one of both is a valid value of a parameter that is true or false."""
+    (tmp_path / "crane.yaml").write_text(CRANE)
+    drawn = iter([{"braced": True}, {"braced": 1}, {"braced": np.bool_(True)}, {"arm": True}, {"arm": 1.0}, {"arm": 0.2}])
+    with thingc.family(tmp_path / "crane.yaml") as crane:
+        worlds = make_vec_env(crane, 1, settings=lambda source: next(drawn))
+        seen = [repr(worlds.settings[0]) for _ in range(3) if worlds.reset()]
+    assert seen == ["{'braced': True}", "{'braced': True}", "{'arm': 0.2}"] and sum(worlds.refused.values()) == 3
+
+
 def test_worlds_with_equal_settings_share_a_model(family: thingc.RobotFamily) -> None:
     worlds = make_vec_env(family, 3, settings=[{"length": 0.25}], mode="hanging")
     worlds.reset(seed=1)
@@ -297,6 +307,7 @@ def test_errors(family: thingc.RobotFamily, tmp_path: Path) -> None:
         ({"reward": 5}, FamilyError, "expected `reward` to be a function of a `StepInfo`, found `5`"),
         ({"reward": None}, FamilyError, "expected `reward` to be a function of a `StepInfo`, found `None`"),
         ({"terminated": True}, FamilyError, "expected `terminated` to be a function of a `StepInfo`, found `True`"),
+        ({"may_switch": "yes"}, FamilyError, "`may_switch` to be a function of an `MjData` and the names of two modes, found `yes`"),
         ({"noise": -0.1}, FamilyError, "expected `noise` to be a number of at least 0, found -0.1"),
         ({"noise": "much"}, FamilyError, "expected `noise` to be a number of at least 0, found much"),
         ({"num_envs": True}, FamilyError, "expected `num_envs` to be a whole number of at least 1, found True"),
@@ -336,6 +347,10 @@ def test_errors(family: thingc.RobotFamily, tmp_path: Path) -> None:
         worlds.reset()
         with pytest.raises(FamilyError, match=f"expected `reward` to return a number, found `{reward}`"):
             worlds.step(np.zeros((2, 1)))
+    worlds = make_vec_env(family, 2, mode="hanging", terminated=lambda step: step.data.qpos > np.zeros(2))
+    worlds.reset()
+    with pytest.raises(FamilyError, match=r"expected `terminated` to return True or False, found `\[ *(True|False) +(True|False)\]`"):
+        worlds.step(np.zeros((2, 1)))
     folder = documents(tmp_path)
     (folder / "none.yaml").write_text(textwrap.dedent("""
         thingc: variants/1

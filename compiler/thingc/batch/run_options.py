@@ -42,6 +42,16 @@ def at_least(least: int, *, whole: bool = True, **numbers: Any) -> None:
             raise FamilyError(f"expected `{name}` to be a {kind} of at least {least}, found {value}")
 
 
+def require_functions(argument: str, **functions: Any) -> None:
+    """Raise `FamilyError` if one of the options is not a function. All options except `reward` can be None.
+
+    `argument` describes the argument of the functions.
+    """
+    for name, function in functions.items():
+        if not callable(function) and (function is not None or name == "reward"):
+            raise FamilyError(f"expected `{name}` to be a function of {argument}, found `{function}`")
+
+
 def as_names(**argument_value: Any) -> tuple[str, ...]:
     """Convert the value of an argument to a tuple of names. The value is a single name, or an iterable of names.
 

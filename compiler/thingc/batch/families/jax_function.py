@@ -6,8 +6,6 @@ from collections.abc import Callable, Sequence
 from functools import reduce
 from typing import Any
 
-import numpy as np
-
 try:
     import jax
     import jax.numpy as jnp
@@ -45,11 +43,11 @@ def jax_function(program: Program, by: Sequence[int], values: Sequence[float], d
 
     def run(x: Any) -> tuple[Any, Any]:
         variables = [jnp.asarray(value, dtype=dtype) for value in values]
-        require_vector(x, len(by))
+        vector = as_vector(x, len(by), dtype)
         for place, index in enumerate(by):
-            variables[index] = jnp.asarray(x, dtype=dtype)[place]
+            variables[index] = vector[place]
         known: dict[int, Any] = dict(zip(program.variables, variables, strict=True))
-        ok = jnp.isfinite(jnp.asarray(x, dtype=dtype)).all()
+        ok = jnp.isfinite(vector).all()
         for statement in program.statements:
             arguments = [value_in(argument, known) for argument in statement.arguments]
             result = arguments[0][arguments[1]] if statement.operation == "item" else FUNCTIONS[statement.operation](*arguments)
@@ -62,10 +60,23 @@ def jax_function(program: Program, by: Sequence[int], values: Sequence[float], d
     return run
 
 
-def require_vector(x: Any, count: int) -> None:
-    """Raise `FamilyError` if the shape of `x` is not `(count,)`. JAX itself replaces missing elements of an array by its last element."""
-    if np.shape(x) != (count,):
-        raise FamilyError(f"expected {count} numbers, found an array of shape {np.shape(x)}", "for many rows of numbers, use `jax.vmap`")
+def as_array(x: Any, expected: str, dtype: Any = None) -> jax.Array:
+    """Convert numbers to a JAX array. Raises `FamilyError` for other values. `expected` describes the numbers in the message."""
+    try:
+        return jnp.asarray(x, dtype=dtype)
+    except (TypeError, ValueError):
+        raise FamilyError(f"expected {expected}, found `{x!r}`") from None
+
+
+def as_vector(x: Any, count: int, dtype: Any = None) -> jax.Array:
+    """Convert numbers to an array with shape `(count,)`. Raises `FamilyError` for other shapes.
+
+    JAX itself replaces missing elements of an array by its last element.
+    """
+    vector = as_array(x, f"{count} numbers", dtype)
+    if vector.shape != (count,):
+        raise FamilyError(f"expected {count} numbers, found an array of shape {vector.shape}", "for many rows of numbers, use `jax.vmap`")
+    return vector
 
 
 def _hypot(*components: Any) -> Any:

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 
-from thingc.batch.families.jax_function import jax_function
+from thingc.batch.families.jax_function import as_array, jax_function
 from thingc.batch.families.warp_model import put_warp
 from thingc.batch.mujoco_arrays.entries import INERTIAL, NotAnArrayEntry, NumberPlaces, affect_constants
 from thingc.batch.results import FamilyError
@@ -58,6 +58,8 @@ class FamilyMjx:
     def __init__(self, models: ModelsOfMode, function: FamilyFunction, dtype: str, delays: bool) -> None:
         if dtype == "float32" and jax.config.jax_enable_x64:  # type: ignore[attr-defined]
             raise FamilyError("MJX uses 64-bit numbers if they are enabled in JAX", "omit `dtype`, or disable `jax_enable_x64`")
+        if not function.names:
+            raise FamilyError("expected at least one item in `names`", "for a single robot, use `mjx.put_model(family.model(settings))`")
         settings, parsed = function._item(function.start)
         self._places = [parsed.names.index(name) for name in function.names]
         plan, reason = models.template_at(parsed)
@@ -115,7 +117,7 @@ class FamilyMjx:
         batched model, the fields in `varied` have a leading axis. All other fields are shared by all rows. Parts that depend on the numbers
         are built first.
         """
-        rows = jnp.asarray(p)
+        rows = as_array(p, f"rows of {len(self.names)} numbers ({', '.join(self.names)})")
         if rows.ndim != 2 or rows.shape[1] != len(self.names):
             raise FamilyError(f"expected an array of shape (k, {len(self.names)}) for {', '.join(self.names)}, found {rows.shape}")
         rows, built = self._to_variables(rows)
@@ -257,10 +259,10 @@ class FamilyMjx:
                 model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL  # MJX fails with elliptic cones if there are no contacts
                 base = mjx.put_model(model)
         except NotImplementedError as fault:
-            raise FamilyError(
-                f"MJX does not support a feature of mode `{mode}`: {fault}",
-                "open the family with `compat=\"mjx\"`, or choose another mode"
-            ) from None
+            help = "open the family with `compat=\"mjx\"`, or choose another mode"
+            if "ELLIPTIC" in str(fault):  # a contact without friction, which `compat` does not change
+                help = "use `at={\"simulation.cone\": \"pyramidal\"}`"
+            raise FamilyError(f"MJX does not support a feature of mode `{mode}`: {fault}", help) from None
         return base.tree_replace({name: jnp.asarray(getattr(self.mj_model, name)) for name in FRICTION if name in self._writes})
 
     def _field_in_xml(self, name: str) -> Any:

@@ -12,7 +12,7 @@ from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.suggestions import did_you_mean
 from thingc.batch.gym.rewards import TASKS, Reward, Terminated
 from thingc.batch.results import FamilyError, UnknownVariant
-from thingc.batch.run_options import at_least, is_number, is_whole
+from thingc.batch.run_options import at_least, is_number, is_whole, require_functions
 from thingc.modes.robot import CHOICES, OnMotion
 
 Settings = Mapping[str, Any]
@@ -123,9 +123,8 @@ class EnvRules(FrozenStruct):
     def __post_init__(self) -> None:
         if isinstance(self.reward, str) and self.reward not in TASKS:
             raise UnknownVariant(f"unknown task `{self.reward}`", did_you_mean(self.reward, TASKS, what="tasks"))
-        for name, called in (("reward", self.reward_function), ("terminated", self.terminated)):
-            if not callable(called) and (called is not None or name == "reward"):
-                raise FamilyError(f"expected `{name}` to be a function of a `StepInfo`, found `{called}`")
+        require_functions("a `StepInfo`", reward=self.reward_function, terminated=self.terminated)
+        require_functions("an `MjData` and the names of two modes", may_switch=self.may_switch)
         at_least(1, frame_skip=self.frame_skip, max_steps=self.max_steps, cache=self.cache)
         at_least(0, whole=False, noise=self.noise)
         at_least(0, seed=0 if self.seed is None else self.seed)

@@ -188,7 +188,7 @@ class Episode:
         """Return the reward of the last action, a flag for termination, a flag for truncation, and further information.
 
         An episode is terminated if the option `terminated` returns True, or if the simulation is unstable (reward 0). Raises `FamilyError`
-        if the reward is invalid.
+        if the reward or the result of `terminated` is invalid.
         """
         infos: dict[str, Any] = {} if self.refused is None else {"refused": self.refused}
         if self.robot is not None:
@@ -201,7 +201,7 @@ class Episode:
             after=np.array(self.data.subtree_com[0]), seconds=self.data.time - self._started, start=self.start,
             mode=self.simulations[self.mode].name, refused=self.refused,
         )
-        ended = self._rules.terminated is not None and bool(self._rules.terminated(done))
+        ended = self._rules.terminated is not None and _flag(self._rules.terminated(done))
         return _number(self._rules.reward_function(done)), ended, self.steps >= self._rules.max_steps, infos
 
 
@@ -217,6 +217,14 @@ def _number(reward: Any) -> float:
     if math.isnan(number):
         raise FamilyError(f"expected `reward` to return a number, found `{reward}`")
     return number
+
+
+def _flag(ended: Any) -> bool:
+    """Convert the return value of the function `terminated` to a boolean. Raises `FamilyError` for an array of several values."""
+    try:
+        return bool(ended)
+    except (TypeError, ValueError):
+        raise FamilyError(f"expected `terminated` to return True or False, found `{ended}`") from None
 
 
 def _reset(model: mujoco.MjModel, data: mujoco.MjData, pose: str | None, name: str) -> None:

@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from thingc.batch.families.jax_function import require_vector
+from thingc.batch.families.jax_function import as_array, as_vector
 from thingc.batch.families.results import NoModel
 from thingc.batch.gym.drive_effects import DriveEffects
 from thingc.batch.gym.episode import spans_of
 from thingc.batch.results import FamilyError
-from thingc.batch.run_options import as_names, at_least
+from thingc.batch.run_options import as_names, at_least, require_functions
 from thingc.modes.frames import pose, quaternion_of, rotation_of
 from thingc.modes.mjdata import inertia_rows, inertias_in, map_model
 from thingc.modes.state import State
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from thingc.batch.families.mjx_family import FamilyMjx
     from thingc.modes import Mode
 
+OBSERVATION = "`observation` to return an array of numbers"
 MOVING = ("body_pos", "body_quat", "jnt_pos", "jnt_axis", "site_pos", "site_quat", "qpos0")
 """Names of model fields that move links, joints and mounts. Mode switches treat these fields as constants."""
 ENTERED = ("time", "qpos", "qvel", "mocap_pos", "mocap_quat", "qacc_warmstart")
@@ -135,6 +136,7 @@ class MjxEnv:
     ) -> None:
         at_least(1, frame_skip=frame_skip, max_steps=max_steps)
         at_least(0, whole=False, noise=noise)
+        require_functions("an `MjxStep`", reward=reward, terminated=terminated, observation=observation)
         self.modes = as_names(modes=modes) or (family.mode,)
         robot = family.modes(at or {}, *self.modes)  # in this order, from which that of the joints follows, as in `make_env`
         if isinstance(robot, NoModel):
@@ -197,7 +199,7 @@ class MjxEnv:
         nothing, false = jnp.zeros(()), jnp.zeros((), dtype=bool)
         step_info = self._step_info(0, models[0], data[0], jnp.zeros(self.action_size), data[0].subtree_com[0])
         zero = jnp.zeros((), dtype=int)
-        observation, key = jnp.asarray(self._observation(step_info)), jax.random.fold_in(key, 1)
+        observation, key = as_array(self._observation(step_info), OBSERVATION), jax.random.fold_in(key, 1)
         return MjxState(tuple(data), zero, zero, observation, nothing, false, false, false, commands, key)
 
     def step(self, models: Sequence[mjx.Model], state: MjxState, action: jax.Array, mode: Any = 0) -> MjxState:
@@ -208,8 +210,8 @@ class MjxEnv:
         choose between `state` and the state of a new `reset`, use `jnp.where(state.terminated, ...)`. Raises `FamilyError` for an action of
         another shape, and for a mode that is not an integer.
         """
-        require_vector(action, self.action_size)
-        action, mode = jnp.clip(action, -1.0, 1.0), jnp.asarray(mode)
+        action = jnp.clip(as_vector(action, self.action_size), -1.0, 1.0)
+        mode = as_array(mode, "`mode` to be the index of a mode")
         if mode.shape != () or mode.dtype.kind not in "iu":
             raise FamilyError(f"expected `mode` to be the index of a mode, found {mode}")
         centre = jnp.stack([data.subtree_com[0] for data in state.data])[state.mode]
@@ -269,9 +271,12 @@ class MjxEnv:
         data, past = self._simulate(world.effects, model, data, past, jax.random.fold_in(state.key, state.steps))
         info = self._step_info(number, model, data, action, centre)
         unstable = ~jnp.isfinite(data.qpos).all()
-        ended = unstable if self._terminated is None else unstable | self._terminated(info)
-        observation, reward = jnp.asarray(self._observation(info)), jnp.where(unstable, 0.0, self._reward(info))
-        return data, (observation, reward, ended, state.commands.at[:, columns].set(past))
+        ended = unstable
+        if self._terminated is not None:
+            ended |= _convert_result(self._terminated(info), "`terminated` to return True or False", state.terminated)
+        observation = _convert_result(self._observation(info), OBSERVATION, state.observation)
+        reward = _convert_result(self._reward(info), "`reward` to return a number", state.reward)
+        return data, (observation, jnp.where(unstable, 0.0, reward), ended, state.commands.at[:, columns].set(past))
 
     def _simulate(
         self, effects: DriveEffects, model: mjx.Model, data: mjx.Data, past: jax.Array, key: jax.Array,
@@ -314,6 +319,17 @@ def default_observation(modes: int) -> Callable[[MjxStep], jax.Array]:
     The observation contains the positions and velocities of all joints, the direction of gravity, and a one-hot encoding of the mode.
     """
     return lambda step: jnp.concatenate([step.robot.q, step.robot.v, step.gravity, jnp.eye(modes)[step.mode]])
+
+
+def _convert_result(value: Any, expected: str, last: jax.Array) -> jax.Array:
+    """Convert a value that a function of the user has returned to an array with the shape and type of `last`, the value before the action.
+
+    Raises `FamilyError` for a value of another shape or kind. `expected` describes the value in the message.
+    """
+    array = as_array(value, expected)
+    if array.shape != last.shape or not np.can_cast(array.dtype, last.dtype, "same_kind"):
+        raise FamilyError(f"expected {expected}, found {jax.typeof(array)}", f"return a value of type {jax.typeof(last)}")
+    return array.astype(last.dtype)
 
 
 class _World:

@@ -175,7 +175,7 @@ def distribution(family: RobotFamily, settings: Iterable[Settings] | Draw | None
         listed = list(as_many(settings))
         if not listed:
             raise FamilyError("expected at least one item in `settings`")
-        return MorphologyDistribution(many=[dict(settings_key(one)) for one in listed])
+        return MorphologyDistribution(many=[{name: value for name, value, _ in settings_key(one)} for one in listed])
     variants = list(family.variants)
     if not variants:
         return MorphologyDistribution(many=[{}])
@@ -188,13 +188,14 @@ def distribution(family: RobotFamily, settings: Iterable[Settings] | Draw | None
     )
 
 
-def settings_key(settings: Settings) -> tuple[tuple[str, Any], ...]:
+def settings_key(settings: Settings) -> tuple[tuple[str, Any, bool], ...]:
     """Return the cache key of settings. The order of the settings matters, because several names can match the same value.
 
-    Raises `FamilyError` if the settings are not a mapping from names to numbers or strings.
+    The key distinguishes True from 1, which are equal in Python. Raises `FamilyError` if the settings are not a mapping from names to
+    numbers or strings.
     """
     try:
-        key = tuple(settings.items())
+        key = tuple((name, value, isinstance(value, (bool, np.bool_))) for name, value in settings.items())
         hash(key)
     except (AttributeError, TypeError):
         raise FamilyError(f"expected settings as a mapping from names to numbers or strings, found `{settings!r}`") from None

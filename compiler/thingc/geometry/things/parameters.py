@@ -12,8 +12,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, TypeAlias
 
-from thingc.base.exceptions import PicklableError
-
 Value: TypeAlias = "float | int | bool | str"
 """The value of a parameter in canonical form. If two parameters are equal, their canonical values have the same type."""
 
@@ -26,7 +24,7 @@ NOUNS = {
 }
 
 
-class ParameterError(PicklableError, ValueError):
+class ParameterError(ValueError):
     """Raised if a part cannot be built with a value of a parameter.
 
     The exception is raised before any geometry is created. `parameter` is the name of the parameter, and `owner` is the name of the

@@ -78,22 +78,22 @@ def _find_refusals(robot: Robot, root: Element) -> Iterator[Refusal]:
         blamed = second if first.element is None else first
         assert blamed.element is not None
         name = blamed.element.get("name")
-        for fault, key in _faults(first, second, elliptic=elliptic):
+        for fault, key, hint in _faults(first, second, elliptic=elliptic):
             owner = next((geom.element for geom in (first, second) if geom.element is not None and key in geom.element.raw), blamed.element)
             raw_value = owner.raw.get(key)
             origin = raw_value.attribute.origin if raw_value is not None else owner.origin
-            yield Refusal(what=fault, origin=origin, path=name.partition(":")[0], hint="choose another `collision`, or exclude the pair")
+            yield Refusal(what=fault, origin=origin, path=name.partition(":")[0], hint=f"{hint}, or exclude the pair")
 
 
-def _faults(first: ContactGeom, second: ContactGeom, *, elliptic: bool) -> Iterator[tuple[str, str]]:
-    """Yield the reasons why MJX rejects a contact between two geoms. Each reason includes the attribute that causes the rejection."""
+def _faults(first: ContactGeom, second: ContactGeom, *, elliptic: bool) -> Iterator[tuple[str, str, str]]:
+    """Yield the reasons why MJX rejects a contact between two geoms, the attributes that cause the rejections, and the help texts."""
     kinds = sorted((first.type, second.type))
     if frozenset(kinds) in UNSUPPORTED_PAIRS:
-        yield f"contacts between {kinds[0]} and {kinds[1]} are not supported", "type"
+        yield f"contacts between {kinds[0]} and {kinds[1]} are not supported", "type", "choose another `collision`"
     if "mesh" in kinds and first.margin + second.margin:
-        yield "`margin` is not supported for contacts of meshes", "margin"
+        yield "`margin` is not supported for contacts of meshes", "margin", "remove `margin`"
     if elliptic and _condim(first, second) == 1:
-        yield "frictionless contacts are not supported with elliptic cones", "condim"
+        yield "frictionless contacts are not supported with elliptic cones", "condim", "write `cone: pyramidal` under `simulation`"
 
 
 def _condim(first: ContactGeom, second: ContactGeom) -> int:
