@@ -152,7 +152,7 @@ def report_imported(source: str, count: int) -> list[str]:
         document = Path(folder) / imported.document
         print(f"{imported.name}: {', '.join((*links, *drives))}", HEAD, sep="\n")
         with thingc.family(document, verify=0) as family:
-            missed = report(imported.name, family, family.function(links, ALL), count)
+            missed = report(imported.name, family, family.function(links, (*ALL, "box")), count)
         print(HEAD_OF_MJX)
         with thingc.family(document, verify=0, compat="mjx", mode=modes[0]) as family:
             missed += report_models(imported.name, family, (*links, *drives), count, {**EULER, "simulation.cone": "pyramidal"})

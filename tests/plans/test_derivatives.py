@@ -144,11 +144,37 @@ def test_missing_rule_does_not_affect_other_derivatives() -> None:
     assert found.jacobian[0].tolist() == [2.0, 4.0] and found.jacobian[2, 1] == found.values[1] and found.jacobian[3, 1] == 1.0
 
 
-def test_equal_derivatives_of_branches_are_not_a_kink() -> None:
+@pytest.mark.parametrize("way", ["forward", "backward", "arrays"])
+def test_equal_derivatives_of_branches_are_not_a_kink(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Except for long programs, the derivatives of branches are compared by generated code."""
+    if way == "arrays":
+        monkeypatch.setattr(derivatives, "LONGEST", -1)
+    else:
+        monkeypatch.setattr(derivatives, "_by_arrays", lambda *given: pytest.fail("the derivatives are computed with arrays"))
+    original = derivatives._forward
+    if way == "backward":
+        monkeypatch.setattr(derivatives, "_forward", lambda *given: (original(*given)[0] + ["pass"] * 99, original(*given)[1]))
     a, b = traced(1.5, 2.0)
-    outputs = program(maximum(a + b, b + a, 1.0 + 0.5 * b), abs(a * 0.0) * 1.0, minimum(a, b))
+    x, zero = maximum(a + b, b + a, 1.0 + 0.5 * b), a * 0.0
+    y = maximum(x, 2.0 * b - x + 2.0 * a, 3.0)
+    outputs = program(
+        x * x, abs(zero) + b, minimum(a, b), hypot(zero, zero) * b, y * b, minimum(1.0, 1.0, a + b), maximum(7.5, -b, 7.5, x * 2.0),
+    )
+    steps = derivatives._steps_of(outputs, outputs.variables)
+    forward, backward = (len(find(outputs, steps, outputs.variables)[0]) for find in (derivatives._forward, derivatives._backward))
+    assert (2 * backward < forward) == (way == "backward")
     found = derivative_function(outputs)((1.5, 2.0))
-    assert found is not None and found.jacobian.tolist() == [[1.0, 1.0], [0.0, 0.0], [1.0, 0.0]]
+    assert found is not None
+    assert found.jacobian.tolist() == [[7.0, 7.0], [0.0, 1.0], [1.0, 0.0], [0.0, 0.0], [2.0, 5.5], [0.0, 0.0], [0.0, 0.0]]
+
+
+def test_different_derivatives_of_inner_branches_are_a_kink() -> None:
+    a, b = traced(1.5, 2.0)
+    run = derivative_function(program(a, maximum(maximum(a + b, b + a), 2.0 * b - 0.5) + minimum(0.0, 0.0, a)))
+    with pytest.raises(NotSmooth, match="maximum of equal values"):
+        run((1.5, 2.0))
+    found = run((1.5, 2.1))
+    assert found is not None and found.jacobian.tolist() == [[1.0, 0.0], [0.0, 2.0]]
 
 
 def test_decisions_between_equal_numbers_are_reported_by_variable() -> None:

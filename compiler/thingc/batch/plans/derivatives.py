@@ -4,15 +4,18 @@ The methods are described in Griewank and Walther, Evaluating Derivatives, 2008.
 
 The generated function computes values and derivatives in one pass, either in forward mode (from the variables) or in reverse mode (from the
 outputs). The mode with fewer statements is used. At a kink, such as the minimum of two equal numbers, an output is differentiable only if
-all branches have the same derivatives. The generated function tests this condition.
+all branches have the same derivatives. The generated function tests this condition in forward mode, so forward mode is preferred for
+programs with such operations.
 """
 
 from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Sequence
-from functools import cached_property
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from functools import cache, cached_property
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -43,10 +46,10 @@ class NotSmooth(Exception):
 class Partials(FrozenStruct, kw_only=False):
     """The partial derivatives of an operation as Python expressions.
 
-    The placeholders `{0}`, `{1}` ... represent the arguments, and `{r}` represents the result. For an operation with a variable number of
-    arguments, `each` is the partial derivative by the argument `{i}`. `kink` is a condition under which the operation has no derivative,
-    and `why` describes this condition in messages. If `bounded` is true, the derivative also exists at a kink if all branches have the same
-    derivatives.
+    The placeholders `{0}`, `{1}` ... represent the arguments, `{r}` the result, and `{n}` the number of arguments that are equal to it. For
+    an operation with a variable number of arguments, `each` is the partial derivative by the argument `{i}`. `kink` is a condition under
+    which the operation has no derivative, and `why` describes this condition in messages. If `bounded` is true, the derivative also exists
+    at a kink if it is equal to the derivatives of all arguments that are equal to the result.
     """
 
     partials: tuple[str, ...] = ()
@@ -61,6 +64,7 @@ class Partials(FrozenStruct, kw_only=False):
 
 
 _FLOOR = "-(({0} - {r}) / {1})"
+_EXTREME = "float({i} == {r} and 1.0 / {n})"
 _ROUNDED = Partials(("1.0", "0.0"), kink="{1} < 6", why="is rounded")
 UNKNOWN = Partials(each="0.0", kink="True", why="is the result of an operation without a known derivative")
 RULES: dict[str, Partials] = {
@@ -69,12 +73,12 @@ RULES: dict[str, Partials] = {
     "**": Partials(("{1} * {0} ** ({1} - 1)", "{r} * log({0})"), kink="{0} == 0.0 and {1} < 1", why="is a power of 0"),
     "%": Partials(("1.0", _FLOOR), kink="{r} == 0.0", why="is at a jump of a remainder"),
     "remainder": Partials(("1.0", _FLOOR), kink="2.0 * abs({r}) == abs({1})", why="is at a jump of a remainder"),
-    "abs": Partials(("copysign(1.0, {0})",), kink="{0} == 0.0", why="is the absolute value of 0", bounded=True),
+    "abs": Partials(("float({0} > 0.0) - float({0} < 0.0)",), kink="{0} == 0.0", why="is the absolute value of 0", bounded=True),
     "copysign": Partials(
         ("copysign(1.0, {0}) * copysign(1.0, {1})", "0.0"), kink="{0} == 0.0 or {1} == 0.0", why="uses the sign of 0",
     ),
     "sqrt": Partials(("0.5 / {r}",), kink="{r} == 0.0", why="is the square root of 0"),
-    "hypot": Partials(each="{i} / {r}", kink="{r} == 0.0", why="is the length of a vector of length 0", bounded=True),
+    "hypot": Partials(each="{i} / ({r} or 1.0)", kink="{r} == 0.0", why="is the length of a vector of length 0", bounded=True),
     "sin": Partials(("cos({0})",)), "cos": Partials(("-sin({0})",)), "tan": Partials(("1.0 + {r} * {r}",)),
     "asin": Partials(("1.0 / sqrt((1.0 - {0}) * (1.0 + {0}))",), kink="abs({0}) == 1.0", why="is the arc sine of 1 or -1"),
     "acos": Partials(("-1.0 / sqrt((1.0 - {0}) * (1.0 + {0}))",), kink="abs({0}) == 1.0", why="is the arc cosine of 1 or -1"),
@@ -85,8 +89,8 @@ RULES: dict[str, Partials] = {
     ),
     "erf": Partials((f"{2.0 / math.sqrt(math.pi)!r} * {math.e!r} ** (-{{0}} * {{0}})",)),
     "radians": Partials((repr(math.pi / 180.0),)), "degrees": Partials((repr(180.0 / math.pi),)), "_fsum": Partials(each="1.0"),
-    "min": Partials(each="float({i} == {r})", why="is the minimum of equal values", bounded=True),
-    "max": Partials(each="float({i} == {r})", why="is the maximum of equal values", bounded=True),
+    "min": Partials(each=_EXTREME, kink="{n} > 1", why="is the minimum of equal values", bounded=True),
+    "max": Partials(each=_EXTREME, kink="{n} > 1", why="is the maximum of equal values", bounded=True),
     "round": _ROUNDED, "round_significant": _ROUNDED,
     "negative": Partials(("-1.0",)), "item": Partials(("1.0",)), "cosine of": Partials(("-sin({0})",)), "sine of": Partials(("cos({0})",)),
 }
@@ -95,7 +99,6 @@ RULES: dict[str, Partials] = {
 The operation `negative` is the unary minus. The operations `cosine of` and `sine of` return the items of `quarter_exact`. An operation that
 rounds to many digits has the same derivative as the exact number.
 """
-EXTREMES = ("min", "max")
 ROTATION = ("cosine of", "sine of")
 
 
@@ -114,7 +117,8 @@ class Step(Operation, kw_only=False, dict=True):
 
     def code(self, template: str) -> str:
         """Replace the placeholders in the expression of a partial derivative or of a kink by names of values and constants."""
-        return template.format(*map(operand, self.arguments), r=f"v{self.target}")
+        operands = [operand(argument) for argument in self.arguments]
+        return template.format(*operands, r=f"v{self.target}", n=f"{_row(operands)}.count(v{self.target})")
 
     @property
     def kink(self) -> str:
@@ -122,9 +126,6 @@ class Step(Operation, kw_only=False, dict=True):
 
         The condition is empty for an operation that always has a derivative.
         """
-        if self.operation in EXTREMES:
-            operands = ", ".join(map(operand, self.arguments))
-            return f"({operands}).count(v{self.target}) > 1"
         return self.code(self.rule.kink) if self.rule.kink else ""
 
 
@@ -160,15 +161,22 @@ def derivative_function(program: Program, by: Sequence[int] | None = None) -> De
     varying = program.variables if by is None else tuple(program.variables[place] for place in by)
     steps = _steps_of(program, varying)
     forward, backward = _forward(program, steps, varying), _backward(program, steps, varying)
-    shortest = min(forward, backward, key=lambda one: len(one[0]))
-    code = shortest if len(shortest[0]) <= LONGEST else None
+    times = 2 if any(step.rule.bounded for step in steps) else 1  # reverse mode at a kink also requires forward mode
+    shortest = forward if len(forward[0]) <= times * len(backward[0]) else backward
     decisions = _decisions(program, varying)
-    run = _generate_function(program, steps, decisions, code)
     shape = (len(program.outputs), len(varying))
+
+    def generate(code: Code) -> Callable[..., Any]:
+        tested = [step for step in steps if code is not forward or not step.rule.bounded]
+        return _generate_function(program, tested, decisions, code if len(code[0]) <= LONGEST else None)
+
+    run, at_kinks = generate(shortest), cache(lambda: generate(forward))
 
     def derivatives(values: Sequence[float]) -> Derivatives | None:
         nonlocal decisions, run
         result = run(*values)
+        if result is not None and isinstance(result[1], dict) and shortest is not forward:
+            result = at_kinks()(*values)
         if result is None:
             return None
         outputs, entries = result
@@ -178,7 +186,8 @@ def derivative_function(program: Program, by: Sequence[int] | None = None) -> De
             entries = _by_arrays(program, steps, varying, entries)
             if always:  # the numbers are equal for all values, so this is not a decision
                 decisions = [one for one in decisions if one not in always]
-                run = _generate_function(program, steps, decisions, code)
+                run = generate(shortest)
+                at_kinks.cache_clear()
         return Derivatives(np.array(outputs, dtype=np.float64), np.array(entries, dtype=np.float64).reshape(shape), special)
 
     return derivatives
@@ -236,37 +245,37 @@ def _special(
     probe = _generate_function(program, (), (), None)
     special: set[int] = set()
     differ: set[Decision] = set()
-    for column in sorted(frozenset[int]().union(*(columns for _, columns in equal))):
-        for sign in (1.0, -1.0):
-            place = program.variables.index(varying[column])
-            moved = [value + sign * BESIDE * (abs(value) or 1.0) if at == place else value for at, value in enumerate(values)]
-            try:
-                nearby = probe(*moved)
-            except (ArithmeticError, ValueError):
-                nearby = None
-            if nearby is None:
-                special.add(column)
-            differ.update(test for test in equal if column in test[1] and (nearby is None or not eval(test[0], functions, nearby[1])))
+    for column, sign in product(sorted(frozenset[int]().union(*(columns for _, columns in equal))), (1.0, -1.0)):
+        place, nearby = program.variables.index(varying[column]), None
+        with suppress(ArithmeticError, ValueError):
+            nearby = probe(*(value + sign * BESIDE * (abs(value) or 1.0) if at == place else value for at, value in enumerate(values)))
+        if nearby is None:
+            special.add(column)
+        differ.update(test for test in equal if column in test[1] and (nearby is None or not eval(test[0], functions, nearby[1])))
     return frozenset(special), [decision for decision in equal if decision not in differ]
 
 
 def _generate_function(program: Program, steps: Sequence[Step], decisions: Sequence[Decision], code: Code | None) -> Callable[..., Any]:
     """Generate the function that computes the outputs and the elements of the Jacobian.
 
-    The generated function returns all values by name instead of the Jacobian at a kink, for a comparison between equal numbers, and without
-    `code`.
+    The generated function returns all values by name instead of the Jacobian at a kink of `steps`, for a comparison between equal numbers,
+    and without `code`.
     """
     tests = [*(test for test, _ in decisions), *(step.kink for step in steps if step.kink)]
     statements, entries = code or ([], [])
-    return program.compile_function([  # type: ignore[no-any-return]
+    run: Callable[..., Any] = program.compile_function([
         f" if {'True' if code is None else ' or '.join(tests) or 'False'}: return {program.output_code}, locals()",
         *(f" {statement}" for statement in statements),
-        f" return {program.output_code}, ({''.join(f'{entry}, ' for entry in entries)})",
-    ])
+        f" return {program.output_code}, {_row(entries)}",
+    ], differ=_differ)
+    return run
 
 
 def _forward(program: Program, steps: Sequence[Step], varying: Sequence[int]) -> Code:
-    """Generate code for forward differentiation: derivatives of each value by the variables on which the value depends."""
+    """Generate code for forward differentiation: derivatives of each value by the variables on which the value depends.
+
+    At a kink, the code compares the derivatives of all branches. If they differ, the generated function returns all values by name.
+    """
     known: dict[int, dict[int, str]] = {index: {place: "1.0"} for place, index in enumerate(varying)}
     statements: list[str] = []
     for step in steps:
@@ -274,7 +283,12 @@ def _forward(program: Program, steps: Sequence[Step], varying: Sequence[int]) ->
         for place, partial in _partials(step, statements):
             for variable, derivative in known[_index(step.arguments[place])].items():
                 sums[variable].append(_product(partial, derivative))
-        known[step.target] = {variable: _name_sum(f"d{step.target}_{variable}", terms, statements) for variable, terms in sums.items()}
+        found = {variable: _name_sum(f"d{step.target}_{variable}", terms, statements) for variable, terms in sums.items()}
+        known[step.target] = found
+        if step.rule.bounded and found:
+            inner = (_row(known.get(_index(one), {}).get(variable, "0.0") for variable in found) for one in step.arguments)
+            differ = f"differ(v{step.target}, {_row(found.values())}, {_row(map(operand, step.arguments))}, {_row(inner)})"
+            statements.append(f"if {step.kink} and {differ}: return {program.output_code}, locals()")
     entries = [known.get(_index(one), {}).get(variable, "0.0") for one in program.outputs for variable in range(len(varying))]
     return statements, entries
 
@@ -315,6 +329,20 @@ def _partials(step: Step, statements: list[str]) -> list[tuple[int, str]]:
     return partials
 
 
+def _differ(result: float, slopes: Iterable[float], numbers: Iterable[float], inner: Iterable[Iterable[float]]) -> bool:
+    """Return whether derivatives of an operation differ from those of an argument that is equal to the result.
+
+    `slopes` are the derivatives of the operation, and `inner` contains those of each argument. `numbers` are the values of the arguments.
+    """
+    equal = (row for number, row in zip(numbers, inner, strict=True) if number == result)
+    return not all(math.isclose(one, other, rel_tol=SAME) for row in equal for one, other in zip(row, slopes, strict=True))
+
+
+def _row(items: Iterable[str]) -> str:
+    """Return a tuple as a Python expression."""
+    return f"({''.join(f'{item}, ' for item in items)})"
+
+
 def _name_sum(name: str, terms: Sequence[str], statements: list[str]) -> str:
     """Return an expression without operators for the sum of `terms`: the only term, or `name`, to which a new statement assigns the sum."""
     if len(terms) == 1 and "*" not in terms[0]:
@@ -347,17 +375,11 @@ def _by_arrays(program: Program, steps: Sequence[Step], varying: Sequence[int], 
     for step in steps:
         inner = [known.get(_index(one), zero) for one in step.arguments]
         at_kink = bool(step.kink) and eval(step.kink, functions, values)
-        branches = [zero, *inner]
-        if at_kink and step.operation in EXTREMES:
-            result = values[f"v{step.target}"]
-            numbers = [eval(operand(argument), functions, values) for argument in step.arguments]
-            branches = [one for one, number in zip(inner, numbers, strict=True) if number == result]
-        if not at_kink:
+        if step.rule.bounded or not at_kink:
             terms = [eval(step.code(step.rule.partial(place)), functions, values) * inner[place] for place in step.varying]
             known[step.target] = np.sum(terms, axis=0)
-        elif step.rule.bounded and all(np.allclose(one, branches[0], rtol=SAME, atol=0.0) for one in branches):
-            known[step.target] = branches[0]
-        else:
+        numbers = [eval(operand(argument), functions, values) for argument in step.arguments if at_kink]
+        if at_kink and not (step.rule.bounded and not _differ(values[f"v{step.target}"], known[step.target], numbers, inner)):
             smooth = step.rule.bounded or step.rule is UNKNOWN  # smooth if the arguments do not change
             known[step.target] = np.where(np.any([one != 0.0 for one in inner], axis=0) | (not smooth), np.nan, 0.0)
             reasons[step.target] = step.rule

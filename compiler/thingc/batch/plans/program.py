@@ -71,17 +71,18 @@ class Program(FrozenStruct, kw_only=False, eq=False, dict=True):
         """The tuple of the outputs as a Python expression."""
         return f"({''.join(f'{operand(output)}, ' for output in self.outputs)})"
 
-    def compile_function(self, lines: Sequence[str]) -> Any:
+    def compile_function(self, lines: Sequence[str], **functions: Callable[..., Any]) -> Any:
         """Compile a Python function of the variables, which executes the statements of the program and then the source code in `lines`.
 
-        The function returns None if a guard has a different outcome. The code can use all names that the function `namespace` returns.
+        The function returns None if a guard has a different outcome. The code can use `functions` by name, and all names that `namespace`
+        returns.
         """
         statements = [
             f" v{statement.target} = {expression(statement.operation, statement.arguments)}" if isinstance(statement, Operation)
             else f" if {'not ' * statement.outcome}{expression(statement.operation, statement.arguments)}: return None"
             for statement in self.statements
         ]
-        scope = namespace(self.operations)
+        scope = namespace({**self.operations, **functions})
         exec("\n".join([f"def run({', '.join(f'v{index}' for index in self.variables)}):", *statements, *lines]), scope)
         return scope["run"]
 
