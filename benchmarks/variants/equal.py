@@ -101,8 +101,7 @@ def main() -> int:
 
 def study(kind: str, folder: Path, environment: dict[str, str], arguments: argparse.Namespace) -> int:
     """Build the variants of one kind in a workspace, and compare them with single builds. Return the number of variants that differ."""
-    said = textwrap.dedent(KINDS[kind].format(count=arguments.count, seed=arguments.seed)).lstrip()
-    (folder / f"{kind}.yaml").write_text(f"thingc: variants/1\nname: {kind}\n{said}emit: [mjcf, bom]\n")
+    write_document(kind, folder, arguments.count, arguments.seed)
     begun = time.monotonic()
     batch = thingc(["batch", f"{kind}.yaml", "--pictures", "none", "--layout", arguments.layout], folder, environment)
     took = time.monotonic() - begun
@@ -126,6 +125,14 @@ def study(kind: str, folder: Path, environment: dict[str, str], arguments: argpa
           f"(batch {took:.0f} s, single builds {singles:.0f} s, {arguments.jobs} at once)", flush=True)
     shutil.rmtree(out)
     return tally["differs"]
+
+
+def write_document(kind: str, folder: Path, count: int, seed: int) -> Path:
+    """Write the variants document of one kind, and return its path."""
+    document = folder / f"{kind}.yaml"
+    settings = textwrap.dedent(KINDS[kind].format(count=count, seed=seed)).lstrip()
+    document.write_text(f"thingc: variants/1\nname: {kind}\n{settings}emit: [mjcf, bom]\n")
+    return document
 
 
 def compared(row: dict[str, str], place: Path | None, folder: Path, environment: dict[str, str]) -> tuple[str, str]:
