@@ -331,7 +331,7 @@ def _compare_mounts(mounts: dict[str, records.MountRecord], solid: TopoDS_Shape)
     """Compare the mating features of mounts with the solid of the part, and add the contradictions to the mounts."""
     if not any(mount.features for mount in mounts.values()):
         return mounts
-    measured = features_of(solid)
+    measured = features_of(solid, outlines=False)  # outlines take a third of the time
     return {name: replace(mount, contradictions=contradictions(mount.features, mount.pose, measured)) for name, mount in mounts.items()}
 
 

@@ -32,14 +32,14 @@ SAMPLES = 32
 """Number of points on a curved edge of a planar face."""
 
 
-def features_of(shape: TopoDS_Shape) -> Features:
-    """Return the cylinders and planar faces of the solids in a shape."""
+def features_of(shape: TopoDS_Shape, *, outlines: bool = True) -> Features:
+    """Return the cylinders and planar faces of the solids in a shape. Without `outlines`, the planar faces have no `loops`."""
     planes: list[PlanarFace] = []
     faces: list[_CylinderFace] = []
     for face in map(TopoDS.Face, subshapes(shape, TopAbs_FACE)):
         surface = BRepAdaptor_Surface(face)
         if surface.GetType() == GeomAbs_Plane:
-            planes.append(_plane(face, surface))
+            planes.append(_plane(face, surface, outlines))
         elif surface.GetType() == GeomAbs_Cylinder:
             faces.append(_cylinder(face, surface))
     intersector = IntCurvesFace_ShapeIntersector()
@@ -59,19 +59,19 @@ def area_and_centre(face: TopoDS_Face) -> tuple[float, Vector]:
     return properties.Mass(), properties.CentreOfMass().Coord()
 
 
-def _plane(face: TopoDS_Face, surface: Any) -> PlanarFace:
+def _plane(face: TopoDS_Face, surface: Any, outlines: bool) -> PlanarFace:
     position = surface.Plane().Position()
     outwards = position.Direct() != (face.Orientation() == TopAbs_REVERSED)
     x, y, z = (round(value if outwards else -value, 12) + 0.0 for value in position.Direction().Coord())
     area, centre = area_and_centre(face)
-    loops = tuple(tuple(map(convert.vector, _polygon(wire, face))) for wire in map(TopoDS.Wire, subshapes(face, TopAbs_WIRE)))
+    loops = tuple(tuple(map(convert.vector, _polygon(wire, face))) for wire in subshapes(face, TopAbs_WIRE)) if outlines else ()
     return PlanarFace(normal=(x, y, z), centre=convert.vector(centre), area=convert.area(area), loops=loops)
 
 
-def _polygon(wire: Any, face: TopoDS_Face) -> list[Vector]:
+def _polygon(wire: TopoDS_Shape, face: TopoDS_Face) -> list[Vector]:
     """Return points on the edges of a wire, in order. Straight edges have one point, and other edges have `SAMPLES` points."""
     points: list[Vector] = []
-    explorer = BRepTools_WireExplorer(wire, face)
+    explorer = BRepTools_WireExplorer(TopoDS.Wire(wire), face)
     while explorer.More():
         edge = explorer.Current()
         curve = BRepAdaptor_Curve(edge)
