@@ -52,7 +52,7 @@ PAIRS = {
 }
 LOADS = (0.1, 0.9)
 SHARE, OBSERVED = 2.2, 1e-10
-ERROR, RATIOS = 1e-13, {"drop": 50.0, "impact": 25.0}
+ERROR, RATIOS = 1e-13, {"drop": 50.0, "impact": 50.0}
 
 
 def main() -> int:

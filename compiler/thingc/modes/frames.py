@@ -149,11 +149,11 @@ def cross(v: Array, w: Array, xp: Any = np) -> Array:
 
 
 def product(A: Array, B: Array, xp: Any) -> Array:
-    """Return the product of two small matrices.
+    """Return the product of two small matrices (..., m, k) and (..., k, n).
 
     In JAX, the product is a sum of outer products, because XLA combines these operations with others, but not products of many matrices.
     """
-    result: Array = A @ B if xp is np else reduce(add, (A[:, k, None] * B[k] for k in range(len(B))))
+    result: Array = A @ B if xp is np else reduce(add, (A[..., k, None] * B[..., k, None, :] for k in range(B.shape[-2])))
     return result
 
 

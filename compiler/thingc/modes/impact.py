@@ -10,7 +10,7 @@ import numpy as np
 from thingc.base.one_line_repr import OneLineStruct
 from thingc.modes.cut_joints import constraint_projector, coordinates, usual
 from thingc.modes.frames import Array, back_substitute, cross, cross_columns, half_solve, inverse, product, projection, smallest_solution
-from thingc.modes.kinematics import kinematics, sum_over_links
+from thingc.modes.kinematics import kinematics
 from thingc.modes.state import RobotState, State
 from thingc.modes.tree import Cut, Hold, Inertias, Mode
 
@@ -58,23 +58,19 @@ def stop(mode: Mode, state: State[Any], inertias: Inertias, xp: Any, **newton: i
     coupling = kin.coupling(q, xp)
     moves = np.eye(6)[:, : 6 if mode.base == "free" else 0] if mode.part is None else mode.part.motions(state.base, xp)
     N = xp.concatenate([coupling[:, :6] @ moves, coupling[:, 6:]], axis=1)
-    # The mass matrix of the robot is not needed: the products with N need only the columns of allowed motions.
-    motions = jacobians @ N if kin.is_coupled or moves.shape[1] else jacobians[:, :, 6:]
-    added = kin.added_inertia(inertias, xp)
-    before = kin.momenta(frames, (jacobians @ u)[:, :, None], inertias, xp)
-    momenta = kin.momenta(frames, motions, inertias, xp)
-    reduced = sum_over_links(motions, momenta) + N.T @ added @ N
+    M = kin.mass_matrix(frames, inertias, xp)
+    momenta = M @ N if kin.is_coupled or moves.shape[1] else M[:, 6:]
+    reduced = N.T @ momenta if kin.is_coupled or moves.shape[1] else momenta[6:]
     constraints = [_hold_jacobian(hold, poses[hold.link], jacobians[hold.link], xp) for hold in mode.holds]
     constraints += [_ends_meet(mode, poses, cut, jacobians, xp, newton) for cut in mode.cuts]
     C = xp.concatenate([np.zeros((0, len(u))), *constraints])
     # In the coordinates y = U w, the reduced mass matrix is 1, and projections are orthogonal. The constraints are A y = 0.
-    momentum = sum_over_links(motions, before) + N.T @ (added @ u)[:, None]
-    U, known = half_solve(reduced, xp.concatenate([momentum, (C @ N).T], axis=1), xp)
+    U, known = half_solve(reduced, xp.concatenate([(u @ momenta)[:, None], (C @ N).T], axis=1), xp)
     y, A = known[:, 0], known[:, 1:].T
     removed = smallest_solution(A, A @ y, xp) if constraints else 0.0
     w = back_substitute(U, y - removed, xp)
     after = N @ w
-    total = sum_over_links(jacobians, (momenta @ w)[:, :, None] - before)[:6, 0]  # slower with a slice of the Jacobians
+    total = M[:6] @ (after - u)
     impulse, others = _impulses(total, moves, constraints, A, removed, xp)
     v = xp.concatenate([after[6:], state.v])[kin.gathered]
     return State(state.base, after[:6], state.q, v), impulse, [

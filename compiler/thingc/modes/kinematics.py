@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thingc.modes.frames import Array, cross, cross_columns, generators, inverse, moved_twist, product, rotation
+from thingc.modes.frames import Array, cross, cross_columns, cross_matrix, generators, inverse, moved_twist, product, rotation
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -72,6 +72,7 @@ class Kinematics:
         for inertia, factors in mode.tendons:
             row = np.array([0.0] * 6 + [factors.get(joint.name, 0.0) for joint in joints])
             self._coupled += inertia * np.outer(row, row)
+        self._later = np.triu(self._mask.T @ self._mask > 0.0)  # pairs of coordinates, of which the second moves only links of the first
         self._find_leaders(mode, column)
 
     def _fix(self, links: Sequence[Link], number: int) -> None:
@@ -165,27 +166,29 @@ class Kinematics:
         jacobians: Array = xp.concatenate([at_root - cross_columns(offset, angular, xp), angular], axis=1)
         return jacobians
 
-    def momenta(self, frames: Array, motions: Array, inertias: Inertias, xp: Any) -> Array:
-        """Return the momenta (n, 6, k) of all links for k motions of the robot.
+    def mass_matrix(self, frames: Array, inertias: Inertias, xp: Any) -> Array:
+        """Return the mass matrix (6 + m, 6 + m) of the robot, as if its base were free.
 
-        `motions` (n, 6, k) contains the velocities of the links in the form that `jacobians` returns. A momentum is the linear momentum of
-        a link, followed by its angular momentum about the origin of the link, both in world axes.
+        The matrix includes armatures of joints, and inertias of tendons over joints. For each coordinate, the method adds up the inertias
+        of all links that the coordinate moves, about the origin of the root link in world axes (composite-rigid-body algorithm, see
+        Featherstone, Rigid Body Dynamics Algorithms, 2008).
         """
-        R, angular = self.poses(frames)[:, :3, :3], motions[:, 3:]
-        centre = (R @ inertias.centre[:, :, None])[:, :, 0]
-        linear = inertias.mass[:, None, None] * (motions[:, :3] - cross_columns(centre, angular, xp))
-        spin = R @ inertias.inertia @ R.swapaxes(1, 2) @ angular + cross_columns(centre, linear, xp)
-        momenta: Array = xp.concatenate([linear, spin], axis=1)
-        return momenta
-
-    def added_inertia(self, inertias: Inertias, xp: Any) -> Array:
-        """Return the part (6 + m, 6 + m) of the mass matrix that armatures of joints, and inertias of tendons over joints, cause."""
-        matrix: Array = xp.diag(xp.concatenate([np.zeros(6), inertias.armature])) + self._coupled
-        return matrix
-
-    def mass_matrix(self, frames: Array, jacobians: Array, inertias: Inertias, xp: Any) -> Array:
-        """Return the mass matrix (6 + m, 6 + m) of the robot, as if its base were free. `jacobians` contains the Jacobians of all links."""
-        matrix: Array = sum_over_links(jacobians, self.momenta(frames, jacobians, inertias, xp)) + self.added_inertia(inertias, xp)
+        X = self.poses(frames)
+        R = X[:, :3, :3]
+        centre = X[:, :3, 3] - frames[0, :3, 3] + product(R, inertias.centre[:, :, None], xp)[:, :, 0]
+        moment = inertias.mass[:, None] * centre
+        about_centre = product(product(R, inertias.inertia, xp), R.swapaxes(1, 2), xp)
+        about_root = about_centre - cross_columns(moment, cross_matrix(centre), xp)
+        links = xp.concatenate([xp.asarray(inertias.mass)[:, None], moment, about_root.reshape(-1, 9)], axis=1)
+        mass, moment, inertia = xp.split(product(self._mask.T, links, xp), [1, 4], axis=1)
+        spin, linear = self.axes(frames, xp)
+        w = xp.concatenate([np.zeros((3, 3)), frames[0, :3, :3].T, spin])
+        v = xp.concatenate([np.eye(3), np.zeros((3, 3)), linear])
+        momentum = mass * v + cross(w, moment, xp)
+        about = product(inertia.reshape(-1, 3, 3), w[:, :, None], xp)[:, :, 0] + cross(moment, v, xp)
+        upper = product(xp.concatenate([v, w], axis=1), xp.concatenate([momentum, about], axis=1).T, xp) * self._later
+        added = xp.diag(xp.concatenate([np.zeros(6), inertias.armature])) + self._coupled
+        matrix: Array = upper + (upper * (1.0 - np.eye(len(upper)))).T + added
         return matrix
 
     def coupling(self, q: Array, xp: Any) -> Array:
@@ -199,12 +202,6 @@ class Kinematics:
         rates = [prod(mimic.rate(q[leader]) for mimic, leader in chain) for chain in self._chains]
         matrix: Array = xp.asarray(rates)[:, None] * self._pattern
         return matrix
-
-
-def sum_over_links(motions: Array, momenta: Array) -> Array:
-    """Return the products (k, r) of k motions (n, 6, k) and r momenta (n, 6, r) of n links, summed over the links."""
-    products: Array = motions.reshape(-1, motions.shape[2]).T @ momenta.reshape(-1, momenta.shape[2])
-    return products
 
 
 @lru_cache(maxsize=256)

@@ -291,7 +291,7 @@ class Mode(OneLineStruct, eq=False):
         order of this mode's tree. By default, `inertias` contains the values at the time of the build.
         """
         kin, frames, _ = self._moving(state)
-        return kin.mass_matrix(frames, kin.jacobians(frames, np), self.inertias if inertias is None else inertias, np)
+        return kin.mass_matrix(frames, self.inertias if inertias is None else inertias, np)
 
     def qpos(self, state: RobotState) -> Array:
         """Convert a state to an array for `MjData.qpos` of this mode's MuJoCo model.
