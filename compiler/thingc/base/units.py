@@ -67,7 +67,7 @@ class Dimension(FrozenStruct, kw_only=False):
 
     @property
     def words(self) -> str:
-        """The name of this physical dimension for messages, such as `a length`, `an angle` or `a quantity in kg*m^2*s`."""
+        """The name of this physical dimension for messages, such as `a length`, `an angle` or `a quantity in m^2*kg`."""
         return _WORDS[self][0] if self in _WORDS else f"a quantity in {self.symbol}"
 
     @property
@@ -77,28 +77,20 @@ class Dimension(FrozenStruct, kw_only=False):
 
     @property
     def symbol(self) -> str:
-        """The common name of the SI unit of this physical dimension, such as `N*m`, `kg`, `Hz` or `s^-2`.
-
-        If there is no common name, the unit consists of SI base units. For plain numbers, the result is an empty string.
-        """
-        if self in _NAMED:
-            return _NAMED[self]
-        factors = [("kg", self.mass), ("m", self.length), ("rad", self.angle), ("s", self.time)]
-        numerator = "*".join(_factor(unit, exponent) for unit, exponent in factors if exponent > 0)
-        if not numerator:
-            return "*".join(_factor(unit, exponent) for unit, exponent in factors if exponent < 0)
-        return "/".join([numerator, *(_factor(unit, -exponent) for unit, exponent in factors if exponent < 0)])
+        """The unit of this physical dimension in SI base units, such as `kg*m^2/s^2`. The result is an empty string for plain numbers."""
+        numerator: list[str] = []
+        denominator: list[str] = []
+        for unit, exponent in (("kg", self.mass), ("m", self.length), ("rad", self.angle), ("s", self.time)):
+            if exponent:
+                size = abs(exponent)
+                factor = unit if size == 1 else f"{unit}^{size}" if isinstance(size, int) else f"{unit}^({size})"
+                (numerator if exponent > 0 else denominator).append(factor)
+        return "/".join(["*".join(numerator) or ("1" if denominator else ""), *denominator])
 
 
 def _whole(exponent: Exponent) -> Exponent:
     """Convert a fraction with the denominator 1 to an integer. Other exponents are returned unchanged."""
     return exponent.numerator if exponent.denominator == 1 else exponent
-
-
-def _factor(unit: str, exponent: Exponent) -> str:
-    """Format a power of a unit."""
-    power = f"{exponent}" if isinstance(exponent, int) else f"({exponent})"
-    return unit if exponent == 1 else f"{unit}^{power}"
 
 
 _WORDS: dict[Dimension, tuple[str, str]] = {}
@@ -134,11 +126,6 @@ ANGULAR_STIFFNESS = _dimension("an angular stiffness", "2 N*m/rad", mass=1, leng
 LINEAR_STIFFNESS = _dimension("a linear stiffness", "200 N/m", mass=1, time=-2)
 LENGTH_PER_ANGLE = _dimension("a length per angle", "10 mm/rad", length=1, angle=-1)
 ANGLE_PER_LENGTH = _dimension("an angle per length", "10 rad/m", length=-1, angle=1)
-_NAMED = {
-    FORCE: "N", TORQUE: "N*m", POWER: "W", PRESSURE: "Pa", FREQUENCY: "Hz", ANGULAR_DAMPING: "N*m*s/rad", LINEAR_DAMPING: "N*s/m",
-    ANGULAR_STIFFNESS: "N*m/rad", LINEAR_STIFFNESS: "N/m",
-}
-"""The common names of SI units that differ from the products of SI base units."""
 
 
 def fits(found: Dimension, expected: Dimension) -> bool:

@@ -13,7 +13,7 @@ from fractions import Fraction
 from typing import Any
 
 from thingc.base.frozen_struct import FrozenStruct
-from thingc.base.units import Quantity, UnitError, exact, parse_quantity, scan_number, scan_unit
+from thingc.base.units import Dimension, Quantity, UnitError, exact, parse_quantity, scan_number, scan_unit
 from thingc.documents.expressions.evaluation import ExpressionValue, evaluate, plain
 from thingc.documents.expressions.terms import Expression, ExpressionError
 from thingc.documents.load.documents import Documents
@@ -39,6 +39,15 @@ def size_of(unit: str) -> float | None:
         return parse_quantity(f"1 {unit}").value
     except UnitError:
         return None
+
+
+def standard_unit(dimension: Dimension) -> str:
+    """Return the common name of the SI unit of a physical dimension, such as `N*m`, `kg` or `Hz`.
+
+    For plain numbers, return an empty string.
+    """
+    usual = unit_in(dimension.example)
+    return next((unit for unit in (usual, usual[1:]) if unit and size_of(unit) == 1.0), dimension.symbol)
 
 
 def evenly_spaced(first: str, last: str, count: int) -> list[Quantity] | None:

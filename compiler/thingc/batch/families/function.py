@@ -23,6 +23,7 @@ from thingc.batch.plans.columns import Floats
 from thingc.batch.plans.derivatives import DerivativeFunction, Derivatives, NotSmooth, derivative_function, with_slopes
 from thingc.batch.plans.numeric_plan import MOST, NumericPlan, TracedResults
 from thingc.batch.results import FamilyError
+from thingc.batch.values import standard_unit
 from thingc.driver.settings import ParsedSettings, SettingsReader
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ class DescribedArray(np.ndarray[Any, np.dtype[np.float64]]):
     """An array with further attributes, which copies and pickles keep. Other arrays that numpy computes do not have these attributes."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        create, arguments, state = super().__reduce__()  # type: ignore[misc]
+        create, arguments, state = super().__reduce__()  # type: ignore[str-unpack]
         return create, arguments, (state, self.__dict__)
 
     def __setstate__(self, state: Any) -> None:
@@ -59,11 +60,10 @@ class DescribedArray(np.ndarray[Any, np.dtype[np.float64]]):
         copied.__dict__.update(copy.deepcopy(self.__dict__))
         return copied
 
-    def __copy__(self) -> Self:
+    def __deepcopy__(self, memo: object = None) -> Self:
         return self.copy()
 
-    def __deepcopy__(self, memo: object) -> Self:
-        return self.copy()
+    __copy__ = __deepcopy__
 
 
 class FamilyValues(DescribedArray):
@@ -164,7 +164,7 @@ class FamilyFunction:
             raise FamilyError(f"`{duplicates[0]}` is given twice", "keep only one of the values")
         kinds = [self._number(name) for name in self.names]
         self.dimensions = tuple(kind.dimension for kind in kinds)
-        self.units = tuple(dimension.symbol for dimension in self.dimensions)
+        self.units = tuple(map(standard_unit, self.dimensions))
         start_values = dict(zip(parsed.names, parsed.values)) if (parsed := reader.read({})).report is None else {}
         self.start = np.array([start_values.get(name, kind.value) for name, kind in zip(self.names, kinds)], dtype=np.float64)
         known = {dimension.name: (dimension.low, dimension.high) for dimension in space}

@@ -9,6 +9,7 @@ from thingc.base.one_line_repr import OneLineStruct
 from thingc.base.units import Quantity
 from thingc.batch.axes import Axis
 from thingc.batch.results import require_known
+from thingc.batch.values import standard_unit
 from thingc.documents.expressions.evaluation import ExpressionValue, plain
 from thingc.documents.spec.assembly import AssemblySpec, ParameterSpec
 
@@ -140,7 +141,7 @@ def of_axes(axes: Sequence[Axis], document_values: Mapping[str, ExpressionValue]
 
 def _of_axis(axis: Axis, document_value: ExpressionValue | None) -> SpaceDimension:
     value = None if document_value is None else plain(document_value)
-    unit = next((entry.dimension.symbol for entry in axis.range or axis.values if isinstance(entry, Quantity)), "")
+    unit = next((standard_unit(entry.dimension) for entry in axis.range or axis.values if isinstance(entry, Quantity)), "")
     if axis.range is not None:
         low, high = axis.range
         return SpaceDimension(name=axis.key, unit=unit, low=low.value, high=high.value, whole=axis.whole, value=value)
@@ -159,7 +160,7 @@ def of_parameters(spec: AssemblySpec, values: Mapping[str, ExpressionValue], bou
             dimensions.append(SpaceDimension(name=name, choices=(False, True), value=value))
         elif isinstance(value, Quantity):
             low, high = (bound(name, key) if isinstance(entry, ParameterSpec) else None for key in ("min", "max"))
-            dimensions.append(SpaceDimension(name=name, unit=value.dimension.symbol, low=low, high=high, value=value.value))
+            dimensions.append(SpaceDimension(name=name, unit=standard_unit(value.dimension), low=low, high=high, value=value.value))
         else:
             dimensions.append(SpaceDimension(name=name, value=value))
     return SearchSpace(dimensions)

@@ -7,7 +7,7 @@ import math
 from decimal import Decimal
 
 from thingc.base import numeric
-from thingc.base.units import NUMBER, Quantity, Unit, UnitError, scan_unit, to_si
+from thingc.base.units import FREQUENCY, NUMBER, Quantity, Unit, UnitError, scan_unit, to_si
 from thingc.documents.expressions.evaluation import ExpressionValue, format_value
 
 
@@ -24,7 +24,11 @@ def text_of(value: ExpressionValue, unit: str = "") -> str:
         return in_unit
     if value.dimension == NUMBER:
         return _exact_number(number)
-    return f"{_exact(number)} {value.dimension.symbol}"
+    if value.dimension == FREQUENCY:
+        return f"{_exact(number)} Hz"
+    symbol = value.dimension.symbol
+    numerator, _, denominator = symbol.partition("/")
+    return f"={_exact(number)} / (1 {denominator})" if numerator == "1" else f"{_exact(number)} {symbol}"
 
 
 @numeric.formatter("exact")

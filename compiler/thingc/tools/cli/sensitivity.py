@@ -19,6 +19,7 @@ from msgspec.structs import replace
 
 from thingc.base.diagnostics import Code, Diagnostic, Report
 from thingc.base.units import ANGLE, INERTIA, LENGTH, MASS, Quantity, parse_quantity
+from thingc.batch.values import standard_unit
 from thingc.driver.api import CompileError
 from thingc.tools.cli import console
 
@@ -133,5 +134,5 @@ def _cells(one: Sensitivity) -> tuple[str, ...]:
 
 def _unit(value: Quantity) -> tuple[str, float]:
     """Return the display unit of a quantity, and the factor that converts this unit to SI units."""
-    unit = "kg" if value.dimension == MASS and abs(value.value) >= 1.0 else SHOWN.get(value.dimension) or value.dimension.symbol
+    unit = "kg" if value.dimension == MASS and abs(value.value) >= 1.0 else SHOWN.get(value.dimension) or standard_unit(value.dimension)
     return unit, parse_quantity(f"1 {unit}").value

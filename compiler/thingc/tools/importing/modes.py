@@ -10,7 +10,7 @@ from thingc.base.pose import MATE, NO_POSE, Pose
 from thingc.base.sensor_kinds import SENSORS
 from thingc.base.units import ANGLE, LENGTH, Dimension
 from thingc.tools.importing.document_names import DocumentNaming, UsedNames
-from thingc.tools.importing.quantities import TURNS, angle, flow, length, pose_words, quantity, quaternion_words, shape_words, was
+from thingc.tools.importing.quantities import TURNS, angle, flow, length, pose_words, quantity, quaternion_words, shape_words, si_unit, was
 from thingc.tools.importing.source_model import SOURCE_MODE, SourceDrive, SourceMotion, SourcePose, SourceSensor, SourceStep, SourceTendon
 
 
@@ -156,7 +156,7 @@ def _readings(sensor: SourceSensor, numbers: Mapping[str, float], turns: bool) -
         unit = units[name]
         if isinstance(unit, str):
             unit = (TURN if turns else SLIDE)[unit]
-        entries[name] = length(value) if unit == LENGTH else angle(value) if unit == ANGLE else quantity(value, unit.symbol)
+        entries[name] = length(value) if unit == LENGTH else angle(value) if unit == ANGLE else quantity(value, si_unit(unit))
     return next(iter(entries.values())) if len(units) == 1 else flow(entries)
 
 
@@ -167,7 +167,7 @@ def dynamics_words(of: SourceMotion, turns: bool) -> dict[str, str]:
     a path, the result always contains `rest`.
     """
     units, keys = TURN if turns else SLIDE, ("damping", "friction", "armature", "stiffness")
-    entries = {key: quantity(value, units[key].symbol) for key in keys if (value := getattr(of, key))}
+    entries = {key: quantity(value, si_unit(units[key])) for key in keys if (value := getattr(of, key))}
     rests = of.rest or isinstance(of, SourceTendon) and of.steps and of.stiffness
     return entries | ({"rest": (angle if turns else length)(of.rest)} if rests else {})
 
@@ -178,7 +178,7 @@ def drive_words(drive: SourceDrive, turns: bool) -> dict[str, str]:
     command = units[{"position": "lower", "velocity": "velocity", "motor": "effort"}[drive.kind]]
     units |= {"deadband": command, "noise": command}
     keys = ("kp", "kv", "effort", "velocity", "stall", "delay", "deadband", "noise")
-    entries = {key: quantity(value, units[key].symbol) for key in keys if (value := getattr(drive, key)) is not None}
+    entries = {key: quantity(value, si_unit(units[key])) for key in keys if (value := getattr(drive, key)) is not None}
     return {"kind": drive.kind, **entries}
 
 

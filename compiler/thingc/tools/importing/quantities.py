@@ -11,12 +11,18 @@ import math
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
 
+from thingc.base import units
 from thingc.base.pose import Pose, Vector, rpy_of
 from thingc.base.safe_text import escape_control
 from thingc.tools.importing.source_model import ShapeKind
 
 TURNS = ("revolute", "continuous", "ball", "screw")
 """Kinds of joints whose coordinate q is an angle."""
+IN_NEWTONS = {
+    units.FORCE: "N", units.TORQUE: "N*m", units.LINEAR_DAMPING: "N*s/m", units.ANGULAR_DAMPING: "N*m*s/rad",
+    units.LINEAR_STIFFNESS: "N/m", units.ANGULAR_STIFFNESS: "N*m/rad",
+}
+"""Units of physical dimensions that are not written in SI base units."""
 NOISE = 1e-12
 """Lengths [m] and components of unit vectors below this value are rounding errors, and are written as 0."""
 ROUNDED, SHORT = 4, 12
@@ -126,6 +132,13 @@ def angles(values: Sequence[float]) -> str:
 def quantity(value: float, unit: str) -> str:
     """Format a number and its unit as text. Zero is written without a unit."""
     return "0" if value == 0.0 else f"{scale_number(value, 0)} {unit}".rstrip()
+
+
+def si_unit(dimension: units.Dimension) -> str:
+    """Return the SI unit of a physical dimension, in the form `rad^-2` instead of `1/rad^2`."""
+    above, _, below = dimension.symbol.partition("/")
+    base, _, power = below.partition("^")
+    return IN_NEWTONS.get(dimension) or (f"{base}^-{power or 1}" if above == "1" else dimension.symbol)
 
 
 def flow(values: Mapping[str, str]) -> str:

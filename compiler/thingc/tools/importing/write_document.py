@@ -22,7 +22,7 @@ from thingc.base.units import ANGLE, LENGTH
 from thingc.documents.format.formatting import format_document
 from thingc.tools.importing.document_names import DocumentNaming
 from thingc.tools.importing.modes import drive_words, dynamics_words, mode_sections, sensor_lines, tendon_lines, transmission_lines
-from thingc.tools.importing.quantities import TURNS, angle, flow, length, lengths, mass, pose_words, quantity, shape_words, was
+from thingc.tools.importing.quantities import TURNS, angle, flow, length, lengths, mass, pose_words, quantity, shape_words, si_unit, was
 from thingc.tools.importing.raw import name_lines, quote, raw_lines
 from thingc.tools.importing.source_model import Attachment, SourceJoint, SourceLink, SourceRobot, SourceShape
 from thingc.tools.importing.update_import import PreviousImport
@@ -202,7 +202,7 @@ class DocumentWriter(DocumentNaming):
     def _motion(self, joint: SourceJoint) -> Iterator[str]:
         turns, of = joint.kind in TURNS, joint.ends
         units, place = (TURN, angle) if turns else (SLIDE, length)
-        force, speed = (units[key].symbol for key in ("effort", "velocity"))
+        force, speed = (si_unit(units[key]) for key in ("effort", "velocity"))
         driven = joint.drive is not None and joint.name not in self.geared
         limit: dict[str, str | None] = {
             **({} if of.lower is None or of.upper is None else {"lower": place(of.lower), "upper": place(of.upper)}),
@@ -224,10 +224,10 @@ class DocumentWriter(DocumentNaming):
             if any(coefficients[2:]):
                 while not coefficients[-1]:
                     coefficients.pop()
-                words = (quantity(value, (own / other**power).symbol) for power, value in enumerate(coefficients))
+                words = (quantity(value, si_unit(own / other**power)) for power, value in enumerate(coefficients))
                 follows["polynomial"] = f"[{', '.join(words)}]"
             else:
-                follows["multiplier"] = f"{quantity(coefficients[1], '')} {(own / other).symbol}".rstrip()
+                follows["multiplier"] = f"{quantity(coefficients[1], '')} {si_unit(own / other)}".rstrip()
                 follows |= {"offset": place(coefficients[0])} if coefficients[0] else {}
             yield from _mapping("mimic", follows)
         if joint.drive is not None:

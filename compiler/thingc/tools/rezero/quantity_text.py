@@ -6,6 +6,7 @@ from fractions import Fraction
 
 from thingc.base.frozen_struct import FrozenStruct
 from thingc.base.units import ANGLE, LENGTH, NUMBER, Dimension, Unit, UnitError, exact, scan_number, scan_unit
+from thingc.tools.importing.quantities import si_unit
 
 DEFAULT_UNITS = {NUMBER: "", ANGLE: "deg", LENGTH: "mm"}
 """Units of new values, by physical dimension. Other values are written in SI units."""
@@ -23,7 +24,7 @@ class ExactQuantity(FrozenStruct):
         """Return the text of the quantity. `unit` is the unit of a quantity that the document specifies without a unit, such as 0."""
         if self.expression or not (self.value or self.unit):
             return f"={self.expression}" if self.expression else "0"
-        unit = self.unit or unit or DEFAULT_UNITS.get(dimension, dimension.symbol)
+        unit = self.unit or unit or DEFAULT_UNITS.get(dimension, si_unit(dimension))
         numerator, denominator, _ = _unit(unit)
         number = float(self.value * denominator / numerator)
         short = f"{number:.15g}"
