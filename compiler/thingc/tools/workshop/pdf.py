@@ -41,9 +41,10 @@ def _print(page: bytes) -> bytes | str:
     with tempfile.TemporaryDirectory(prefix="thingc-pdf-") as folder:
         source, printed = Path(folder, "page.html"), Path(folder, "page.pdf")
         source.write_bytes(page)
+        # Tags of headers of tables contain numbers that Chromium assigns in another order each time.
         command = [
             browser, "--headless", "--disable-gpu", "--disable-background-networking", *flags, f"--user-data-dir={folder}/profile",
-            "--no-pdf-header-footer", f"--print-to-pdf={printed}", source.as_uri(),
+            "--no-pdf-header-footer", "--disable-pdf-tagging", f"--print-to-pdf={printed}", source.as_uri(),
         ]
         try:
             nothing = subprocess.DEVNULL  # processes that Chromium starts could keep a pipe open after the time limit
